@@ -1,0 +1,30 @@
+# The README's two commands, and what maintainers need. Each builds .venv from environment.lock first.
+PYTHON ?= python3.11
+export TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
+LOCK_DATE ?= $(shell date -u +%F)
+# A folder or page with the CPU wheels of torch, for renewing the lock only.
+TORCH_WHEELS ?= $(TORCH_INDEX)/torch/
+RUN = .venv/bin/python -m drivelib
+
+.PHONY: reproduce test lab lock venv
+
+venv:
+	@$(PYTHON) -m drivelib.bootstrap
+
+# CHECK=1 compares with the committed bytes instead of writing them.
+reproduce: venv
+	@$(RUN) reproduce $(if $(CHECK),--check)
+
+test: venv
+	@$(RUN) test
+
+lab: venv
+	@$(RUN) lab
+
+# The one way to renew environment.lock: make lock LOCK_DATE=2026-11-20
+lock:
+	$(PYTHON) -m venv build/lock
+	build/lock/bin/pip install --quiet uv==0.13.9
+	build/lock/bin/uv pip compile pyproject.toml --all-extras --universal --fork-strategy fewest \
+	    --python-version 3.11 --generate-hashes --exclude-newer $(LOCK_DATE) --find-links $(TORCH_WHEELS) \
+	    --custom-compile-command "make lock LOCK_DATE=$(LOCK_DATE)" --no-annotate --quiet -o environment.lock

@@ -1,0 +1,206 @@
+"""Machine parameter sets: frozen, validated, and each value with where it comes from.
+
+The classes of origin: printed (in the paper), found (in a named public source), inferred (arithmetic
+on printed numbers, shown), assumed (with the range a study should cover), identified (fitted: objective
+and free parameters stated), given (by the user).
+"""
+
+from dataclasses import dataclass, field, fields, replace
+from types import MappingProxyType
+
+from drivelib.validation import choice, nearest, number
+
+ORIGINS = ("printed", "found", "inferred", "assumed", "identified", "given")
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where one value comes from: its class, a note, and for open values the range to study."""
+
+    kind: str
+    note: str = ""
+    low: float | None = None
+    high: float | None = None
+
+    def __post_init__(self):
+        choice("kind", self.kind, ORIGINS)
+
+
+GIVEN = Origin("given", "by the user")
+
+
+@dataclass(frozen=True)
+class PmsmParameters:
+    """Permanent-magnet synchronous machine in the rotor frame, amplitude-invariant.
+
+    Parameters
+    ----------
+    R_s : float
+        Stator resistance per phase (ohm).
+    L_d, L_q : float
+        d- and q-axis inductance (H).
+    psi_f : float
+        Permanent-magnet flux linkage, peak (Wb); the λ of Eskander.
+    P : int
+        Number of pole pairs.
+    V_dc : float
+        Inverter's dc voltage (V).
+    R_c : float
+        Iron-loss resistance, parallel to the rotational emf (ohm).
+    J, B : float
+        Inertia (kg m²) and viscous friction (N m s).
+    omega_m_rated : float
+        Rated mechanical speed (rad/s).
+    T_rated : float
+        Rated torque (N m).
+    name : str
+        What figures and messages call the machine.
+    origins : mapping of str to Origin
+        Where each value comes from; values that are not listed count as given by the user.
+
+    Raises
+    ------
+    ValueError
+        If a value is not finite or outside its physical range.
+    """
+
+    R_s: float
+    L_d: float
+    L_q: float
+    psi_f: float
+    P: int
+    V_dc: float
+    R_c: float
+    J: float
+    B: float
+    omega_m_rated: float
+    T_rated: float
+    name: str = "user's PMSM"
+    origins: MappingProxyType = field(default_factory=dict, compare=False, repr=False)
+
+    def __post_init__(self):
+        for parameter, unit in PMSM_UNITS.items():
+            value = getattr(self, parameter)
+            if parameter == "P":
+                checked = number("P", value, "pole pairs", at_least=1, whole=True)
+            elif parameter in ("R_s", "B"):
+                checked = number(parameter, value, unit, at_least=0)
+            else:
+                checked = number(parameter, value, unit, above=0)
+            object.__setattr__(self, parameter, checked)
+        unknown = set(self.origins) - set(PMSM_UNITS)
+        if unknown:
+            first = sorted(unknown)[0]
+            raise ValueError(f"origins names {first!r}, which is no parameter of a PMSM{nearest(first, PMSM_UNITS)}")
+        origins = {parameter: self.origins.get(parameter, GIVEN) for parameter in PMSM_UNITS}
+        object.__setattr__(self, "origins", MappingProxyType(origins))
+
+    @property
+    def delta_L(self):
+        """L_d − L_q (H); negative in an interior machine, zero in a surface machine."""
+        return self.L_d - self.L_q
+
+    @property
+    def omega_e_rated(self):
+        """Rated electrical speed P ω_m (rad/s)."""
+        return self.P * self.omega_m_rated
+
+    def changed(self, **values):
+        """Return a copy with some values changed; their origin becomes "given".
+
+        Raises
+        ------
+        ValueError
+            If a name is unknown (the nearest is suggested) or a value is out of range.
+        """
+        known = [item.name for item in fields(self)]
+        for parameter in values:
+            if parameter not in known:
+                raise ValueError(f"{parameter!r} is no parameter of a PMSM{nearest(parameter, known)}")
+        origins = {parameter: origin for parameter, origin in self.origins.items() if parameter not in values}
+        return replace(self, origins=origins, **values)
+
+    def rows(self):
+        """Return one row per value: (name, value, unit, class of origin, note with range)."""
+        rows = []
+        for parameter, unit in PMSM_UNITS.items():
+            origin = self.origins[parameter]
+            span = f" (range {origin.low:g} to {origin.high:g})" if origin.low is not None else ""
+            rows.append((parameter, getattr(self, parameter), unit, origin.kind, origin.note + span))
+        return rows
+
+
+PMSM_UNITS = MappingProxyType(
+    {
+        "R_s": "ohm",
+        "L_d": "H",
+        "L_q": "H",
+        "psi_f": "Wb",
+        "P": "",
+        "V_dc": "V",
+        "R_c": "ohm",
+        "J": "kg m²",
+        "B": "N m s",
+        "omega_m_rated": "rad/s",
+        "T_rated": "N m",
+    }
+)
+
+_APPENDIX = Origin("printed", "Eskander 2002, appendix")
+_POLES = Origin("printed", "Eskander 2002, appendix, as 2P poles")
+
+IPMSM = PmsmParameters(
+    name="IPMSM 900 W",
+    R_s=4.3,
+    L_d=0.027,
+    L_q=0.067,
+    psi_f=0.232,
+    P=4,
+    V_dc=250.0,
+    R_c=200.0,
+    J=1.79e-4,
+    B=0.0,
+    omega_m_rated=178.0,
+    T_rated=5.06,
+    origins={
+        "R_s": _APPENDIX,
+        "L_d": _APPENDIX,
+        "L_q": _APPENDIX,
+        "psi_f": _APPENDIX,
+        "P": _POLES,
+        "V_dc": _APPENDIX,
+        "R_c": Origin("identified", "so that the printed 118.9 W is a feasible loss; 1 free, 1 matched", 200.0, 1000.0),
+        "J": Origin("found", "public files of the same machine, recalled", 1e-4, 4e-4),
+        "B": Origin("assumed", "friction is printed nowhere", 0.0, 1e-3),
+        "omega_m_rated": Origin("found", "1700 rpm in public files of the same machine, recalled"),
+        "T_rated": Origin("inferred", "900 W / 178 rad/s"),
+    },
+)
+
+SPMSM = PmsmParameters(
+    name="SPMSM 400 W",
+    R_s=3.0,
+    L_d=0.0121,
+    L_q=0.0121,
+    psi_f=0.083,
+    P=2,
+    V_dc=100.0,
+    R_c=200.0,
+    J=5e-4,
+    B=0.0,
+    omega_m_rated=300.0,
+    T_rated=400.0 / 300.0,
+    origins={
+        "R_s": _APPENDIX,
+        "L_d": Origin("printed", "Eskander 2002, appendix, as L_s"),
+        "L_q": Origin("printed", "Eskander 2002, appendix, as L_s"),
+        "psi_f": _APPENDIX,
+        "P": _POLES,
+        "V_dc": _APPENDIX,
+        "R_c": Origin("assumed", "iron loss is printed nowhere", 100.0, 700.0),
+        "J": Origin("assumed", "inertia is printed nowhere", 1e-4, 1e-3),
+        "B": Origin("assumed", "friction is printed nowhere", 0.0, 1e-3),
+        "omega_m_rated": Origin("assumed", "the emf alone takes 49.8 V of the 57.7 V there", 200.0, 340.0),
+        "T_rated": Origin("inferred", "400 W / 300 rad/s"),
+    },
+)

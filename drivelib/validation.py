@@ -1,0 +1,108 @@
+"""Checks shared by every public function: bad input fails with name, value, unit and allowed range."""
+
+import difflib
+
+import numpy as np
+
+
+def number(name, value, unit="", *, above=None, at_least=None, at_most=None, whole=False):
+    """Return ``value`` if it is a finite real scalar inside the range.
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter, its value, unit and allowed range.
+    """
+    limits = _limits(above, at_least, at_most, unit)
+    if isinstance(value, bool) or not np.isscalar(value) or not np.isreal(value):
+        raise ValueError(f"{name} = {value!r}: must be a real number{limits}")
+    bad = not np.isfinite(value) or _outside(value, above, at_least, at_most)
+    if bad or (whole and value != int(value)):
+        raise ValueError(f"{name} = {value}{_space(unit)}: must be a finite {'whole ' if whole else ''}number{limits}")
+    return int(value) if whole else float(value)
+
+
+def array(name, value, unit="", *, above=None, at_least=None, at_most=None):
+    """Return ``value`` as a float array if every element is finite and inside the range.
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter, the first offending element, unit and allowed range.
+    """
+    values = np.asarray(value, dtype=float)
+    bad = ~np.isfinite(values) | _outside(values, above, at_least, at_most)
+    if np.any(bad):
+        index = tuple(int(i) for i in np.argwhere(bad)[0])
+        where = f" at index {index[0] if len(index) == 1 else index}" if index else ""
+        raise ValueError(
+            f"{name} = {values[index]}{_space(unit)}{where}: must be finite{_limits(above, at_least, at_most, unit)}"
+        )
+    return values
+
+
+def grid(name, value, unit="s"):
+    """Return ``value`` as a strictly increasing one-dimensional array of at least two elements.
+
+    Raises
+    ------
+    ValueError
+        If it is empty, too short, not finite or not sorted.
+    """
+    values = np.asarray(value, dtype=float)
+    if values.ndim != 1 or values.size < 2:
+        raise ValueError(f"{name} has shape {values.shape}: must be a one-dimensional grid of at least two values in {unit}")
+    array(name, values, unit)
+    steps = np.diff(values)
+    if np.any(steps <= 0):
+        index = int(np.argmax(steps <= 0))
+        raise ValueError(
+            f"{name}[{index + 1}] = {values[index + 1]} {unit} does not lie above {name}[{index}] = {values[index]} {unit}: "
+            "must be sorted and strictly increasing"
+        )
+    return values
+
+
+def choice(name, value, allowed):
+    """Return ``value`` if it is one of ``allowed``.
+
+    Raises
+    ------
+    ValueError
+        Naming the allowed values and the nearest of them.
+    """
+    if value not in allowed:
+        raise ValueError(f"{name} = {value!r}: must be one of {', '.join(map(repr, allowed))}{nearest(str(value), allowed)}")
+    return value
+
+
+def nearest(name, known):
+    """Return a sentence that suggests the nearest known names, or nothing."""
+    close = difflib.get_close_matches(name, [str(item) for item in known], n=3, cutoff=0.5)
+    return f". Did you mean {' or '.join(close)}?" if close else ""
+
+
+def _outside(value, above, at_least, at_most):
+    outside = np.zeros(np.shape(value), dtype=bool)
+    if above is not None:
+        outside |= ~(np.asarray(value) > above)
+    if at_least is not None:
+        outside |= ~(np.asarray(value) >= at_least)
+    if at_most is not None:
+        outside |= ~(np.asarray(value) <= at_most)
+    return outside
+
+
+def _limits(above, at_least, at_most, unit):
+    parts = []
+    if above is not None:
+        parts.append(f"above {above:g}{_space(unit)}")
+    if at_least is not None:
+        parts.append(f"at least {at_least:g}{_space(unit)}")
+    if at_most is not None:
+        parts.append(f"at most {at_most:g}{_space(unit)}")
+    return " " + " and ".join(parts) if parts else ""
+
+
+def _space(unit):
+    return f" {unit}" if unit else ""
