@@ -1,0 +1,41 @@
+"""Small questions to curves: where they bend, and where they cross a limit."""
+
+import numpy as np
+
+from drivelib.validation import array, number
+
+
+def interior_minima(values):
+    """Return the number of interior local minima along the last axis of ``values`` (shape (..., n), n ≥ 3).
+
+    A minimum at either end does not count, a flat bottom counts once.
+
+    Raises
+    ------
+    ValueError
+        If fewer than three points are given or one is not finite.
+    """
+    values = array("values", values)
+    if values.shape[-1] < 3:
+        raise ValueError(f"values has {values.shape[-1]} points: at least 3 are needed")
+    sign = np.sign(np.diff(values, axis=-1))
+    for step in range(1, sign.shape[-1]):  # a flat piece continues what came before it
+        flat = sign[..., step] == 0
+        sign[..., step] = np.where(flat, sign[..., step - 1], sign[..., step])
+    return np.sum((sign[..., :-1] < 0) & (sign[..., 1:] > 0), axis=-1)
+
+
+def last_below(function, limit, low, high, *, steps=60):
+    """Return the largest x in [low, high] with function(x) ≤ limit, for a rising function, by bisection.
+
+    Arrays broadcast. NaN where the function exceeds the limit already at ``low``; ``high`` where it never does.
+    """
+    number("steps", steps, "", at_least=1, whole=True)
+    low, high, limit = (np.array(values, dtype=float) for values in np.broadcast_arrays(low, high, limit))
+    never, start = function(high) <= limit, function(low) <= limit
+    top = high.copy()
+    for _ in range(steps):
+        middle = (low + high) / 2
+        inside = function(middle) <= limit
+        low, high = np.where(inside, middle, low), np.where(inside, high, middle)
+    return np.where(start, np.where(never, top, low), np.nan)

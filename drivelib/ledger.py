@@ -1,0 +1,257 @@
+"""The claims ledger: what each paper says, how it is judged, and the one rule that turns numbers into verdicts.
+
+The files ``papers/<paper>.toml`` hold assumptions, items (one notebook each) and claims. A notebook hands its
+numbers to `judge`; it never sees the expected verdict, which only the tests read.
+"""
+
+import math
+import tomllib
+from dataclasses import dataclass
+from decimal import Decimal
+from functools import cache
+from pathlib import Path
+
+from drivelib.validation import choice, nearest
+
+PAPERS = Path(__file__).with_name("papers")
+
+REPRODUCED = "reproduced"
+CORRECTED = "reproduced, corrected"
+ASSUMED = "reproduced, assumed"
+FITTED = "matched by a fit"
+NOT_REPRODUCED = "not reproduced"
+CONTRADICTED = "contradicted"
+SHOWN = "shown"
+NOT_CHECKABLE = "not checkable"
+VERDICTS = (REPRODUCED, CORRECTED, ASSUMED, FITTED, NOT_REPRODUCED, CONTRADICTED, SHOWN, NOT_CHECKABLE)
+
+RELATIONS = {
+    "matches": "within the tolerance of the printed value",
+    "<=": "at most the threshold",
+    ">=": "at least the threshold",
+    "==": "exactly the threshold",
+    "between": "inside the two thresholds",
+}
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One claim of a paper. ``relation`` and its numbers say when it holds; ``reason`` says why those numbers.
+
+    ``printed`` stays a string, because its last digit sets the tolerance. ``refuted_by`` names the paper's
+    own equation that contradicts the claim, should it fail. ``omitted`` lists what the paper would have had to
+    print; such a claim is not checkable.
+    """
+
+    id: str
+    item: str
+    where: str
+    text: str
+    relation: str | None = None
+    unit: str = ""
+    measure: str = ""
+    printed: str | None = None
+    threshold: float | tuple[float, float] | None = None
+    tolerance: float | None = None
+    reason: str = ""
+    structure: bool = False
+    refuted_by: str | None = None
+    omitted: tuple[str, ...] = ()
+    functions: tuple[str, ...] = ()
+
+    @property
+    def allowed(self):
+        """The (low, high) interval inside which the claim holds."""
+        if self.relation == "matches":
+            value = float(self.printed)
+            return value - self.tolerance, value + self.tolerance
+        if self.relation == "between":
+            return self.threshold
+        low = -math.inf if self.relation == "<=" else self.threshold
+        high = math.inf if self.relation == ">=" else self.threshold
+        return low, high
+
+    def holds(self, value):
+        """Return whether a measured value meets the claim; NaN never does."""
+        low, high = self.allowed
+        return bool(low <= value <= high)
+
+
+@dataclass(frozen=True)
+class Item:
+    """One notebook: figure or table of a paper, and the items whose numbers it reads."""
+
+    id: str
+    title: str
+    needs: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Paper:
+    """One paper's ledger."""
+
+    id: str
+    citation: str
+    items: dict[str, Item]
+    claims: dict[str, Claim]
+    assumptions: dict[str, str]
+    expected: dict[str, tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A verdict with the numbers behind it."""
+
+    claim: Claim
+    verdict: str
+    ours: float | None
+    as_printed: float | None = None
+    window: str = ""
+    note: str = ""
+
+    @property
+    def deviation(self):
+        """Ours minus printed where a value is to be matched, else None."""
+        return self.ours - float(self.claim.printed) if self.claim.relation == "matches" else None
+
+
+def judge(claim, ours=None, *, as_printed=None, alternatives=None, fit=None, note=""):
+    """Return the `Judgement` of one claim.
+
+    Parameters
+    ----------
+    claim : Claim
+    ours : float
+        The measured number under the default assumptions.
+    as_printed : float, optional
+        The same measure with a misprinted formula used literally.
+    alternatives : mapping of str to float, optional
+        The measure under every other admissible value of what the paper leaves open. A claim that holds
+        for all of them is reproduced, for some reproduced under an assumption, for none not reproduced
+        (or contradicted, where the paper's own equation refutes it).
+    fit : tuple of int, optional
+        (free parameters, printed numbers matched), where ``ours`` was fitted.
+
+    Raises
+    ------
+    ValueError
+        If a number is missing for a claim that needs one.
+    """
+    if claim.omitted:
+        return Judgement(claim, NOT_CHECKABLE, ours, window="omitted: " + "; ".join(claim.omitted), note=note)
+    if ours is None:
+        raise ValueError(f"{claim.id}: no measured value given, the claim needs one in {claim.unit or 'pure numbers'}")
+    cases = {"default": ours, **(alternatives or {})}
+    holding = [label for label, value in cases.items() if claim.holds(value)]
+    window = _window(holding, cases) if alternatives else ""
+    if fit is not None:
+        verdict = FITTED if claim.holds(ours) else NOT_REPRODUCED
+        window = f"{fit[0]} free, {fit[1]} matched"
+    elif not holding:
+        verdict = NOT_REPRODUCED if alternatives and claim.refuted_by is None else CONTRADICTED
+    elif len(holding) < len(cases):
+        verdict = ASSUMED
+    elif claim.structure:
+        verdict = SHOWN
+    elif as_printed is not None and not claim.holds(as_printed):
+        verdict = CORRECTED
+    else:
+        verdict = REPRODUCED
+    return Judgement(claim, verdict, ours, as_printed, window, note)
+
+
+def _window(holding, cases):
+    if len(holding) in (0, len(cases)):
+        return f"holds for {'all' if holding else 'none'} of the {len(cases)} cases tried"
+    return f"holds for {len(holding)} of {len(cases)} cases: {'; '.join(holding)}"
+
+
+def papers():
+    """Return every paper's ledger by id."""
+    return {path.stem: load(path) for path in sorted(PAPERS.glob("*.toml"))}
+
+
+@cache
+def load(path):
+    """Return the `Paper` of one TOML file.
+
+    Raises
+    ------
+    ValueError
+        Naming file, entry and what is wrong with it.
+    """
+    path = Path(path)
+    try:
+        raw = tomllib.loads(path.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{path.name}: no valid TOML: {error}") from error
+    paper = path.stem
+    items, claims, expected = {}, {}, {}
+    for stem, entry in raw.get("items", {}).items():
+        _known(entry, ("title", "needs"), f"{path.name}, item {stem}")
+        items[f"{paper}/{stem}"] = Item(f"{paper}/{stem}", entry["title"], tuple(entry.get("needs", ())))
+    for entry in raw.get("claims", []):
+        claim = _claim(entry, f"{path.name}, claim {entry.get('id', '(no id)')}", paper, items)
+        if claim.id in claims:
+            raise ValueError(f"{path.name}: claim {claim.id} is listed twice")
+        claims[claim.id] = claim
+        if "expected_verdict" in entry:
+            verdict = choice(f"{path.name}, claim {claim.id}: expected_verdict", entry["expected_verdict"], VERDICTS)
+            expected[claim.id] = (verdict, entry.get("expected_reason", ""))
+    return Paper(paper, raw.get("citation", ""), items, claims, raw.get("assumptions", {}), expected)
+
+
+def claims_of(item_id):
+    """Return the claims that one notebook has to evaluate.
+
+    Raises
+    ------
+    ValueError
+        If no ledger knows the item; the nearest is suggested.
+    """
+    items = {id_: paper for paper in papers().values() for id_ in paper.items}
+    if item_id not in items:
+        raise ValueError(f"{item_id!r} is no item of any paper's ledger{nearest(item_id, items)}")
+    return {claim.id: claim for claim in items[item_id].claims.values() if claim.item == item_id}
+
+
+def _claim(entry, where, paper, items):
+    known = ("id", "item", "where", "text", "relation", "unit", "measure", "printed", "threshold", "tolerance", "reason")
+    _known(entry, (*known, "structure", "refuted_by", "omitted", "functions", "expected_verdict", "expected_reason"), where)
+    for required in ("id", "item", "where", "text"):
+        if not entry.get(required):
+            raise ValueError(f"{where}: {required!r} is missing")
+    values = {key: value for key, value in entry.items() if not key.startswith("expected_")}
+    values["id"], values["item"] = f"{paper}/{entry['id']}", f"{paper}/{entry['item']}"
+    if values["item"] not in items:
+        raise ValueError(f"{where}: item {entry['item']!r} is not listed{nearest(values['item'], items)}")
+    for key in ("omitted", "functions"):
+        values[key] = tuple(entry.get(key, ()))
+    if isinstance(entry.get("threshold"), list):
+        values["threshold"] = tuple(entry["threshold"])
+    relation = entry.get("relation")
+    if relation is None:
+        return Claim(**values)
+    choice(f"{where}: relation", relation, tuple(RELATIONS))
+    if relation == "matches":
+        if "printed" not in entry:
+            raise ValueError(f"{where}: relation 'matches' needs the printed value, as a string")
+        if "tolerance" not in entry:
+            values["tolerance"] = half_last_digit(entry["printed"])
+            values["reason"] = values.get("reason") or "half a unit of the last printed digit"
+    elif "threshold" not in entry or (relation == "between") != isinstance(values["threshold"], tuple):
+        raise ValueError(f"{where}: relation {relation!r} needs {'two thresholds' if relation == 'between' else 'one threshold'}")
+    if not values.get("reason"):
+        raise ValueError(f"{where}: a threshold or a tolerance of its own needs a reason")
+    return Claim(**values)
+
+
+def half_last_digit(printed):
+    """Return half a unit of the last digit of a printed number: 0.05 for "118.9"."""
+    return float(Decimal(5).scaleb(Decimal(printed).as_tuple().exponent - 1))
+
+
+def _known(entry, known, where):
+    for key in entry:
+        if key not in known:
+            raise ValueError(f"{where}: unknown field {key!r}{nearest(key, known)}")

@@ -1,0 +1,162 @@
+"""Read, check and normalise notebooks as plain JSON: parameters, source digest, committed form."""
+
+import ast
+import hashlib
+import json
+import re
+
+from drivelib.validation import nearest
+
+PARAMETERS_TAG = "parameters"
+METADATA = {
+    "kernelspec": {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"},
+    "language_info": {"file_extension": ".py", "mimetype": "text/x-python", "name": "python", "pygments_lexer": "ipython3"},
+}
+
+
+def read(path):
+    """Return a notebook as a dictionary.
+
+    Raises
+    ------
+    ValueError
+        If the file is no JSON notebook of format 4.5 or later with cell ids.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: no readable notebook ({error})") from error
+    if not isinstance(content, dict) or content.get("nbformat") != 4 or content.get("nbformat_minor", 0) < 5:
+        raise ValueError(f"{path}: must be a notebook of format 4.5 (open and save it in JupyterLab)")
+    return content
+
+
+def source(cell):
+    """Return a cell's source as one string with LF line ends."""
+    return "".join(cell["source"]).replace("\r\n", "\n")
+
+
+def code(content):
+    """Return the sources of all code cells."""
+    return [source(cell) for cell in content["cells"] if cell["cell_type"] == "code"]
+
+
+def parameters(content, name="notebook"):
+    """Return ``{parameter: default}`` from the cell tagged "parameters"; literals only.
+
+    Raises
+    ------
+    ValueError
+        If there is more than one such cell, or something else than literal assignments in it.
+    """
+    tagged = [source(cell) for cell in content["cells"] if PARAMETERS_TAG in cell["metadata"].get("tags", ())]
+    if len(tagged) > 1:
+        raise ValueError(f"{name}: {len(tagged)} cells are tagged {PARAMETERS_TAG!r}, one is allowed")
+    return assignments(tagged[0], name) if tagged else {}
+
+
+def assignments(text, name):
+    """Return ``{name: value}`` of a cell that holds literal assignments only.
+
+    Raises
+    ------
+    ValueError
+        Naming the first line that is something else.
+    """
+    found = {}
+    for statement in ast.parse(text).body:
+        try:
+            (target,) = statement.targets
+            found[target.id] = ast.literal_eval(statement.value)
+        except (AttributeError, ValueError):
+            raise ValueError(f"{name}: line {statement.lineno} of the parameters cell is no literal assignment") from None
+    return found
+
+
+def check_overrides(given, defaults, name):
+    """Raise ValueError unless every given parameter exists and has the kind of its default."""
+    for parameter, value in given.items():
+        if parameter not in defaults:
+            raise ValueError(
+                f"{name} has no parameter {parameter!r}{nearest(parameter, defaults)}. It has: {', '.join(defaults) or 'none'}"
+            )
+        default = defaults[parameter]
+        number = isinstance(default, (int, float)) and not isinstance(default, bool)
+        fits = isinstance(value, (int, float)) and not isinstance(value, bool) if number else type(value) is type(default)
+        if not fits:
+            raise ValueError(f"{name}: {parameter} = {value!r}: must be of the kind of its default {default!r}")
+
+
+def digest(content):
+    """Return the digest of what decides a run: cell kinds, sources and parameter tags, not outputs."""
+    cells = [
+        (cell["cell_type"], source(cell), PARAMETERS_TAG in cell["metadata"].get("tags", ())) for cell in content["cells"]
+    ]
+    return hashlib.sha256(json.dumps(cells).encode()).hexdigest()
+
+
+def normalised(content):
+    """Return the committed form: no times, paths, execution or widget metadata; stable cell ids and counts."""
+    cells, count = [], 0
+    for number, cell in enumerate(content["cells"], start=1):
+        kept = {
+            "cell_type": cell["cell_type"],
+            "id": f"cell-{number:02d}",
+            "metadata": {key: value for key, value in cell["metadata"].items() if key in ("tags", "jupyter") and value},
+            "source": source(cell).splitlines(keepends=True),
+        }
+        if cell["cell_type"] == "code":
+            ran = bool(cell.get("outputs")) or cell.get("execution_count") is not None
+            count += ran
+            kept["execution_count"] = count if ran else None
+            kept["outputs"] = [_output(output, count) for output in _joined(cell.get("outputs", []))]
+        cells.append(kept)
+    return {"cells": cells, "metadata": METADATA, "nbformat": 4, "nbformat_minor": 5}
+
+
+def dumps(content):
+    """Return a notebook's bytes: sorted keys, one-space indent, LF, as Jupyter writes them."""
+    return (json.dumps(content, indent=1, sort_keys=True, ensure_ascii=False) + "\n").encode("utf-8")
+
+
+def unpublishable(content):
+    """Return why a notebook must not be published, or an empty list."""
+    reasons = []
+    for number, cell in enumerate(content["cells"], start=1):
+        for output in cell.get("outputs", ()):
+            if output["output_type"] == "error":
+                reasons.append(f"cell {number} raised {output.get('ename')}: {output.get('evalue')}")
+            if output.get("name") == "stderr":
+                reasons.append(f"cell {number} wrote to stderr: {''.join(output['text']).strip()[:300]}")
+            text = json.dumps(output)
+            if re.search(r"application/vnd\.jupyter\.widget", text):
+                reasons.append(f"cell {number} shows a widget, which nobody sees without a kernel")
+    return reasons
+
+
+def _joined(outputs):
+    """Join neighbouring pieces of one stream: where they split depends on timing."""
+    joined = []
+    for output in outputs:
+        previous = joined[-1] if joined else {}
+        if output["output_type"] == "stream" and previous.get("output_type") == "stream" and previous["name"] == output["name"]:
+            previous["text"] = "".join(previous["text"]) + "".join(output["text"])
+        else:
+            joined.append(dict(output))
+    return joined
+
+
+def _output(output, count):
+    output = dict(output)
+    if output["output_type"] == "stream":
+        output["text"] = "".join(output["text"]).splitlines(keepends=True)
+        return output
+    if "execution_count" in output:
+        output["execution_count"] = count
+    output["data"] = {kind: _lines(value) for kind, value in output.get("data", {}).items()}
+    return output
+
+
+def _lines(value):
+    text = "".join(value) if isinstance(value, list) else value
+    return text.splitlines(keepends=True) if isinstance(text, str) else text

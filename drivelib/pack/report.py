@@ -1,0 +1,92 @@
+"""The ledger with its results, rendered for people: terminal table and README block."""
+
+import json
+
+from drivelib import ledger, paths
+from drivelib.record import write_atomically
+
+BEGIN, END = "<!-- verdicts: begin (rendered by `python -m drivelib reproduce`) -->", "<!-- verdicts: end -->"
+OPEN = "open"
+
+
+def results(folder=None):
+    """Return ``{claim id: result}`` from the JSON of every item, published or below ``folder``."""
+    base = folder or paths.root() / "figures"
+    found = {}
+    for paper in ledger.papers().values():
+        for id_ in paper.items:
+            path = base / f"{id_}.json"
+            if path.exists():
+                found |= {claim["id"]: claim for claim in json.loads(path.read_text(encoding="utf-8"))["claims"]}
+    return found
+
+
+def rows(found):
+    """Yield (claim, result or None, verdict) for every claim of the ledgers; a claim without a result is open."""
+    for paper in ledger.papers().values():
+        for claim in paper.claims.values():
+            result = found.get(claim.id)
+            yield claim, result, result["verdict"] if result else OPEN
+
+
+def ours(claim, result):
+    """Return our number with its unit as text."""
+    if result is None or result["ours"] is None:
+        return ""
+    unit = f" {claim.unit}" if claim.unit else ""
+    return f"{result['ours']:.4g}{unit}"
+
+
+def readme(text, found):
+    """Return the README's text with its verdict block rendered anew.
+
+    Raises
+    ------
+    ValueError
+        If the markers are missing.
+    """
+    if BEGIN not in text or END not in text:
+        raise ValueError(f"README.md: the markers of the verdict table are missing: {BEGIN} and {END}")
+    head, rest = text.split(BEGIN, 1)
+    return f"{head}{BEGIN}\n{_block(found)}\n{END}{rest.split(END, 1)[1]}"
+
+
+def update_readme(found):
+    """Write README.md where its rendered block is stale; return whether it was."""
+    path = paths.root() / "README.md"
+    old = path.read_text(encoding="utf-8")
+    new = readme(old, found)
+    if new != old:
+        write_atomically(path, new.encode())
+    return new != old
+
+
+def _block(found):
+    lines = []
+    for paper in ledger.papers().values():
+        mine = [row for row in rows(found) if row[0].id in paper.claims]
+        open_ = [claim for claim, result, _ in mine if result is None]
+        counts = {verdict: sum(v == verdict for *_, v in mine) for verdict in (*ledger.VERDICTS, OPEN)}
+        lines.append(f"\n**{paper.citation}** " + ", ".join(f"{count} {name}" for name, count in counts.items() if count) + ".\n")
+        lines += ["| item | claim | measured | paper | ours | verdict |", "|---|---|---|---|---:|---|"]
+        for claim, result, verdict in mine:
+            if result is None:
+                continue
+            stem = claim.item.split("/")[1]
+            link = f"[{stem.split('_')[0]}](notebooks/{claim.item}.ipynb)"
+            lines.append(f"| {link} | `{claim.id.split('/', 1)[1]}` {claim.text} | {claim.measure} | {asked(claim)} | {ours(claim, result)} | **{verdict}** |")
+        if open_:
+            ids = ", ".join(f"`{claim.id.split('/', 1)[1]}`" for claim in open_)
+            lines.append(f"\nOpen, because their notebooks are still to come: {ids}.")
+    return "\n".join(lines)
+
+
+def asked(claim):
+    """Return what the paper prints, or the bound that stands for its words."""
+    if claim.printed:
+        return claim.printed + (f" {claim.unit}" if claim.unit else "")
+    if claim.relation is None:
+        return ""
+    bounds = claim.threshold if isinstance(claim.threshold, tuple) else (claim.threshold,)
+    symbol = {"<=": "≤ ", ">=": "≥ ", "==": "= ", "between": ""}[claim.relation]
+    return symbol + " to ".join(f"{bound:g}" for bound in bounds) + (f" {claim.unit}" if claim.unit else "")

@@ -1,0 +1,27 @@
+"""Where things lie, independent of the working directory.
+
+``DRIVELIB_ROOT`` points the pack at another tree (the tests' miniature packs use it).
+"""
+
+import os
+from pathlib import Path
+
+
+def root():
+    """Return the folder that holds notebooks/ and figures/."""
+    return Path(os.environ.get("DRIVELIB_ROOT") or Path(__file__).resolve().parent.parent)
+
+
+def notebook(item):
+    """Return the path of an item's notebook."""
+    return root() / "notebooks" / f"{item}.ipynb"
+
+
+def figure(item, suffix):
+    """Return the published path of one artefact: ``suffix`` is png, svg, csv or json."""
+    return root() / "figures" / f"{item}.{suffix}"
+
+
+def build(*parts):
+    """Return a path below the ignored build folder."""
+    return root().joinpath("build", *parts)

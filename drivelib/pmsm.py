@@ -1,0 +1,198 @@
+"""Steady state of permanent-magnet synchronous machines with iron loss: Eskander 2002, eq. (1)-(19).
+
+Symbols follow the paper: ``i_od``, ``i_oq`` flow in the magnetising branch, ``i_d``, ``i_q`` at the
+terminals; ``omega_e`` = P ω_m is the electrical speed (the paper's ω_s). Currents, voltages and flux
+linkages are peak values of an amplitude-invariant Park transformation. Arguments broadcast.
+
+Two switches recur, because the paper does not keep to one convention:
+
+``model``
+    ``"full"`` (default): terminal currents carry the iron-loss current.
+    ``"simplified"``: i_d = i_od and i_q = i_oq at the terminals, as (8) assumes.
+``convention``
+    ``"consistent"`` (default): powers carry the 3/2 that the torque (3) carries.
+    ``"paper"``: losses without it, as (5)-(7) print them.
+"""
+
+import numpy as np
+
+from drivelib.validation import array, choice
+
+MODELS = ("full", "simplified")
+CONVENTIONS = ("consistent", "paper")
+MODULATIONS = {"space-vector": 1 / np.sqrt(3), "six-step": 2 / np.pi}
+
+
+def terminal_currents(machine, omega_e, i_od, i_oq, *, model="full"):
+    """Return (i_d, i_q) at the terminals (A): branch current plus iron-loss current.
+
+    i_d = i_od − ω L_q i_oq / R_c,  i_q = i_oq + ω (λ + L_d i_od) / R_c  (circuit of fig. 1).
+    """
+    omega_e, i_od, i_oq = _operating_point(omega_e, i_od, i_oq)
+    conductance = terminal_conductance(machine, model)
+    i_d = i_od - omega_e * machine.L_q * i_oq * conductance
+    i_q = i_oq + omega_e * (machine.psi_f + machine.L_d * i_od) * conductance
+    return i_d, i_q
+
+
+def branch_currents(machine, omega_e, i_d, i_q):
+    """Return (i_od, i_oq) (A) for terminal currents: the inverse of `terminal_currents`, full model."""
+    omega_e, i_d, i_q = _operating_point(omega_e, i_d, i_q)
+    alpha = omega_e * machine.L_q / machine.R_c
+    beta = omega_e * machine.L_d / machine.R_c
+    q_demand = i_q - omega_e * machine.psi_f / machine.R_c
+    i_od = (i_d + alpha * q_demand) / (1 + alpha * beta)
+    return i_od, q_demand - beta * i_od
+
+
+def stator_voltages(machine, omega_e, i_od, i_oq, *, model="full"):
+    """Return (V_d, V_q) (V, phase peak): eq. (2) and (1)."""
+    i_d, i_q = terminal_currents(machine, omega_e, i_od, i_oq, model=model)
+    V_d = machine.R_s * i_d - omega_e * machine.L_q * np.asarray(i_oq)
+    V_q = machine.R_s * i_q + omega_e * (machine.L_d * np.asarray(i_od) + machine.psi_f)
+    return V_d, V_q
+
+
+def stator_voltage(machine, omega_e, i_od, i_oq, *, model="full"):
+    """Return V_s = sqrt(V_d² + V_q²) (V, phase peak): eq. (12)."""
+    return np.hypot(*stator_voltages(machine, omega_e, i_od, i_oq, model=model))
+
+
+def branch_currents_at_voltage(machine, omega_e, V_s, phi, *, model="full"):
+    """Return (i_od, i_oq) (A) that an inverter of amplitude ``V_s`` (V) and angle ``phi`` (rad) drives.
+
+    V_q = V_s cos φ and V_d = −V_s sin φ as in (17)-(18), solved for the currents with (1)-(2).
+    """
+    omega_e, V_s, phi = _operating_point(omega_e, V_s, phi, names=("omega_e", "V_s", "phi"), units=("rad/s", "V", "rad"))
+    scale = 1 + machine.R_s * terminal_conductance(machine, model)
+    reactance_d, reactance_q = scale * omega_e * machine.L_d, scale * omega_e * machine.L_q
+    free_q = V_s * np.cos(phi) - scale * omega_e * machine.psi_f
+    V_d = -V_s * np.sin(phi)
+    determinant = machine.R_s**2 + reactance_d * reactance_q
+    i_od = (machine.R_s * V_d + reactance_q * free_q) / determinant
+    i_oq = (machine.R_s * free_q - reactance_d * V_d) / determinant
+    return i_od, i_oq
+
+
+def torque(machine, i_od, i_oq):
+    """Return T_e = 1.5 P [λ i_oq + (L_d − L_q) i_od i_oq] (N m): eq. (3), (14), (19)."""
+    i_od, i_oq = array("i_od", i_od, "A"), array("i_oq", i_oq, "A")
+    return 1.5 * machine.P * (machine.psi_f + machine.delta_L * i_od) * i_oq
+
+
+def acceleration(machine, T_e, T_L, omega_m):
+    """Return dω_m/dt (rad/s²) from T_e = T_L + B ω_m + J dω_m/dt: eq. (4)."""
+    T_e, T_L, omega_m = _operating_point(T_e, T_L, omega_m, names=("T_e", "T_L", "omega_m"), units=("N m", "N m", "rad/s"))
+    return (T_e - T_L - machine.B * omega_m) / machine.J
+
+
+def copper_loss(machine, i_d, i_q, *, convention="consistent"):
+    """Return R_s (i_d² + i_q²) (W), times 3/2 in the consistent convention: eq. (5)."""
+    i_d, i_q = array("i_d", i_d, "A"), array("i_q", i_q, "A")
+    return _power_factor(convention) * machine.R_s * (i_d**2 + i_q**2)
+
+
+def iron_loss(machine, omega_e, i_od, i_oq, *, convention="consistent"):
+    """Return ω² [(λ + L_d i_od)² + (L_q i_oq)²] / R_c (W), times 3/2 if consistent: eq. (6), (7), (13)."""
+    omega_e, i_od, i_oq = _operating_point(omega_e, i_od, i_oq)
+    flux_squared = (machine.psi_f + machine.L_d * i_od) ** 2 + (machine.L_q * i_oq) ** 2
+    return _power_factor(convention) * omega_e**2 * flux_squared / machine.R_c
+
+
+def total_loss(machine, omega_e, i_od, i_oq, *, model="full", convention="consistent"):
+    """Return copper plus iron loss (W): (5) + (7). The model decides which currents (5) takes."""
+    i_d, i_q = terminal_currents(machine, omega_e, i_od, i_oq, model=model)
+    copper = copper_loss(machine, i_d, i_q, convention=convention)
+    return copper + iron_loss(machine, omega_e, i_od, i_oq, convention=convention)
+
+
+def input_power(machine, omega_e, i_od, i_oq, *, model="full"):
+    """Return 3/2 (V_d i_d + V_q i_q) (W), the electrical power of the amplitude-invariant frame."""
+    V_d, V_q = stator_voltages(machine, omega_e, i_od, i_oq, model=model)
+    i_d, i_q = terminal_currents(machine, omega_e, i_od, i_oq, model=model)
+    return 1.5 * (V_d * i_d + V_q * i_q)
+
+
+def energy_balance(machine, omega_e, i_od, i_oq, *, model="full", convention="consistent"):
+    """Return input power − shaft power − losses (W).
+
+    Zero in the full model with the consistent convention; elsewhere it is what that simplification
+    or convention leaves out.
+    """
+    shaft = torque(machine, i_od, i_oq) * np.asarray(omega_e) / machine.P
+    loss = total_loss(machine, omega_e, i_od, i_oq, model=model, convention=convention)
+    return input_power(machine, omega_e, i_od, i_oq, model=model) - shaft - loss
+
+
+def efficiency(machine, omega_e, i_od, i_oq, *, model="full", convention="consistent"):
+    """Return shaft power over shaft power plus losses (1), for motoring points; NaN elsewhere."""
+    shaft = torque(machine, i_od, i_oq) * np.asarray(omega_e) / machine.P
+    loss = total_loss(machine, omega_e, i_od, i_oq, model=model, convention=convention)
+    return np.where(shaft > 0, shaft / np.where(shaft > 0, shaft + loss, 1), np.nan)
+
+
+def i_oq_at_torque(machine, T_e, i_od):
+    """Return i_oq = T_e / (1.5 P [λ + (L_d − L_q) i_od]) (A): eq. (9).
+
+    Raises
+    ------
+    ValueError
+        Where λ + (L_d − L_q) i_od is not positive: no torque on the motor's branch.
+    """
+    T_e, i_od = array("T_e", T_e, "N m"), array("i_od", i_od, "A")
+    return T_e / (1.5 * machine.P * _torque_flux(machine, i_od))
+
+
+def di_oq_di_od(machine, T_e, i_od):
+    """Return ∂i_oq/∂i_od at constant torque = −(L_d − L_q) T_e / (1.5 P [λ + (L_d − L_q) i_od]²): eq. (10) mended.
+
+    As printed the square stands outside the whole fraction.
+    """
+    T_e, i_od = array("T_e", T_e, "N m"), array("i_od", i_od, "A")
+    return -machine.delta_L * T_e / (1.5 * machine.P * _torque_flux(machine, i_od) ** 2)
+
+
+def loss_slope(machine, omega_e, T_e, i_od, *, convention="paper"):
+    """Return ∂P_L/∂i_od at constant torque (W/A): eq. (8), simplified model."""
+    omega_e, i_od = array("omega_e", omega_e, "rad/s"), array("i_od", i_od, "A")
+    i_oq = i_oq_at_torque(machine, T_e, i_od)
+    iron = omega_e**2 / machine.R_c
+    return (
+        2
+        * _power_factor(convention)
+        * (
+            i_od * (machine.R_s + iron * machine.L_d**2)
+            + i_oq * di_oq_di_od(machine, T_e, i_od) * (machine.R_s + iron * machine.L_q**2)
+            + iron * machine.psi_f * machine.L_d
+        )
+    )
+
+
+def voltage_limit(machine, modulation="space-vector"):
+    """Return the largest phase voltage (V, peak) that V_dc gives: V_dc/√3, or 2 V_dc/π in six-step."""
+    return machine.V_dc * MODULATIONS[choice("modulation", modulation, tuple(MODULATIONS))]
+
+
+def terminal_conductance(machine, model):
+    """Return what terminal currents see of the iron branch (S): 1/R_c in the full model, 0 in the simplified one."""
+    return 1 / machine.R_c if choice("model", model, MODELS) == "full" else 0.0
+
+
+def _power_factor(convention):
+    return 1.5 if choice("convention", convention, CONVENTIONS) == "consistent" else 1.0
+
+
+def _torque_flux(machine, i_od):
+    flux = machine.psi_f + machine.delta_L * i_od
+    if np.any(flux <= 0):
+        limit = -machine.psi_f / machine.delta_L
+        raise ValueError(
+            f"i_od = {np.max(np.abs(i_od)):g} A: λ + (L_d − L_q) i_od must be positive, so i_od must stay "
+            f"{'below' if machine.delta_L < 0 else 'above'} {limit:.4g} A"
+        )
+    return flux
+
+
+def _operating_point(first, second, third, names=("omega_e", "i_od", "i_oq"), units=("rad/s", "A", "A")):
+    values = (first, second, third)
+    return tuple(array(name, value, unit) for name, value, unit in zip(names, values, units, strict=True))
