@@ -1,5 +1,5 @@
 # The README's two commands, and what maintainers need. Each builds .venv from environment.lock first.
-PYTHON ?= python3.11
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
 export TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 LOCK_DATE ?= $(shell date -u +%F)
 # A folder or page with the CPU wheels of torch, for renewing the lock only.
@@ -13,7 +13,7 @@ venv:
 
 # CHECK=1 compares with the committed bytes instead of writing them.
 reproduce: venv
-	@$(RUN) reproduce $(if $(CHECK),--check)
+	@$(RUN) reproduce $(if $(CHECK),--check --keep build/check)
 
 test: venv
 	@$(RUN) test

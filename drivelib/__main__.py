@@ -16,6 +16,7 @@ def main(arguments=None):
     reproduce.add_argument("--jobs", type=int, default=os.cpu_count(), help="notebooks at once (default: one per core)")
     reproduce.add_argument("--force", action="store_true", help="run fresh ones too")
     reproduce.add_argument("--check", action="store_true", help="run all, compare with the committed files, write nothing")
+    reproduce.add_argument("--keep", metavar="DIR", help="with --check: where to leave the difference page when something differs")
 
     run = commands.add_parser("run", help="run one notebook with your own parameters, outside the published results")
     run.add_argument("item", metavar="ID")

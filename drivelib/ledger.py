@@ -11,9 +11,8 @@ from decimal import Decimal
 from functools import cache
 from pathlib import Path
 
+from drivelib import paths
 from drivelib.validation import choice, nearest
-
-PAPERS = Path(__file__).with_name("papers")
 
 REPRODUCED = "reproduced"
 CORRECTED = "reproduced, corrected"
@@ -168,7 +167,7 @@ def _window(holding, cases):
 
 def papers():
     """Return every paper's ledger by id."""
-    return {path.stem: load(path) for path in sorted(PAPERS.glob("*.toml"))}
+    return {path.stem: load(path) for path in sorted(paths.ledgers().glob("*.toml"))}
 
 
 @cache
@@ -233,6 +232,8 @@ def _claim(entry, where, paper, items):
     if relation is None:
         return Claim(**values)
     choice(f"{where}: relation", relation, tuple(RELATIONS))
+    if relation != "matches" and "printed" in entry:
+        raise ValueError(f"{where}: 'printed' goes with relation 'matches', not with {relation!r}")
     if relation == "matches":
         if "printed" not in entry:
             raise ValueError(f"{where}: relation 'matches' needs the printed value, as a string")

@@ -78,7 +78,7 @@ def check_overrides(given, defaults, name):
     for parameter, value in given.items():
         if parameter not in defaults:
             raise ValueError(
-                f"{name} has no parameter {parameter!r}{nearest(parameter, defaults)}. It has: {', '.join(defaults) or 'none'}"
+                f"{name} has no parameter {parameter!r}, it has {', '.join(defaults) or 'none'}{nearest(parameter, defaults)}"
             )
         default = defaults[parameter]
         number = isinstance(default, (int, float)) and not isinstance(default, bool)

@@ -8,8 +8,13 @@ from pathlib import Path
 
 
 def root():
-    """Return the folder that holds notebooks/ and figures/."""
+    """Return the folder that holds notebooks/, figures/ and the ledgers."""
     return Path(os.environ.get("DRIVELIB_ROOT") or Path(__file__).resolve().parent.parent)
+
+
+def ledgers():
+    """Return the folder of the claims ledgers."""
+    return root() / "drivelib" / "papers"
 
 
 def notebook(item):

@@ -209,7 +209,7 @@ def describe(claim):
         return claim.printed, f"± {claim.tolerance:g}: {claim.reason}"
     bounds = " to ".join(f"{bound:g}" for bound in (claim.threshold if isinstance(claim.threshold, tuple) else (claim.threshold,)))
     symbol = {"<=": "≤", ">=": "≥", "==": "=", "between": ""}[claim.relation]
-    return claim.printed or "in words", f"{symbol} {bounds}: {claim.reason}".strip()
+    return "in words", f"{symbol} {bounds}: {claim.reason}".strip()
 
 
 def rounded(value):

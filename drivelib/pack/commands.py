@@ -13,7 +13,7 @@ from rich.table import Table
 
 from drivelib import environment, ledger, notebook, paths
 from drivelib.__main__ import parse_parameter
-from drivelib.pack import check, freshness, report, runner
+from drivelib.pack import check, difference, freshness, report, runner
 from drivelib.record import write_atomically
 
 STYLES = {
@@ -76,6 +76,9 @@ def _check(console, chosen, options):
         readme = (paths.root() / "README.md").read_text(encoding="utf-8")
         if not options.items and not failures and report.readme(readme, found) != readme:
             differences.append("README.md: its verdict table is stale")
+        if options.keep and (failures or differences):
+            difference.write_page(stage, chosen, differences + [f"{o.item}: {o.failure}" for o in failures], found, Path(options.keep))
+            console.print(f"difference page: {Path(options.keep) / 'index.html'}", highlight=False, soft_wrap=True)
     finally:
         shutil.rmtree(stage, ignore_errors=True)
     how = "byte by byte" if environment.is_reference() else f"within {check.TOLERANCE:g}, for this is not the reference platform"

@@ -26,7 +26,7 @@ def parts(item):
     for needed in item.needs:
         path = paths.figure(needed, "json")
         found[f"numbers of {needed}"] = file_digest(path) if path.exists() else "missing"
-    found["environment.lock"] = file_digest(PACKAGE.parent / "environment.lock")
+    found["environment.lock"] = file_digest(paths.root() / "environment.lock")
     return found
 
 

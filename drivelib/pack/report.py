@@ -30,11 +30,12 @@ def rows(found):
 
 
 def ours(claim, result):
-    """Return our number with its unit as text."""
+    """Return our number with its unit as text, and what a misprint taken literally gives."""
     if result is None or result["ours"] is None:
         return ""
     unit = f" {claim.unit}" if claim.unit else ""
-    return f"{result['ours']:.4g}{unit}"
+    literally = f" (as printed {result['as_printed']:.3g})" if result["as_printed"] is not None else ""
+    return f"{result['ours']:.4g}{unit}{literally}"
 
 
 def readme(text, found):

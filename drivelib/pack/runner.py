@@ -94,7 +94,7 @@ def select(names):
 
 def limits(item_id):
     """Return (seconds, bytes of output) that an item may take, from pyproject.toml."""
-    with (freshness.PACKAGE.parent / "pyproject.toml").open("rb") as stream:
+    with (paths.root() / "pyproject.toml").open("rb") as stream:
         values = tomllib.load(stream)["tool"]["drivelib"]["limits"]
     return values["beyond_seconds" if item_id.startswith("beyond/") else "notebook_seconds"], values["output_bytes"]
 
@@ -251,16 +251,20 @@ def publish(outcome, item, run_parts, provenance):
 
 @contextmanager
 def interruptible():
-    """Turn SIGTERM into KeyboardInterrupt, so that both ways to stop clean up alike."""
+    """Turn SIGINT and SIGTERM into KeyboardInterrupt, so that both ways to stop clean up alike.
+
+    SIGINT too, because a process started in the background of a shell script inherits it as ignored.
+    """
 
     def stop(*_):
         raise KeyboardInterrupt
 
-    previous = signal.signal(signal.SIGTERM, stop)
+    previous = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, previous)
+        for number, handler in previous.items():
+            signal.signal(number, handler)
 
 
 def _notebooks():

@@ -42,13 +42,22 @@ class _OwnKernel(KernelSpecManager):
 
 class _Client(PapermillNotebookClient):
     output_limit = 0
+    token = ""
     _seen = 0
+
+    def execute(self, **options):
+        try:
+            return super().execute(**options)
+        except Exception:
+            if self._seen > self.output_limit:
+                raise OutputTooLarge(f"more than {self.output_limit:,} bytes of output") from None
+            raise
 
     def process_message(self, msg, *arguments, **options):
         if msg["msg_type"] in ("stream", "display_data", "execute_result", "update_display_data", "error"):
             self._seen += len(str(msg["content"]))
             if self._seen > self.output_limit:
-                raise OutputTooLarge(f"more than {self.output_limit:,} bytes of output")
+                sweep(self.token)  # an exception here would only be seen when the cell ends, which it may never do
         return super().process_message(msg, *arguments, **options)
 
     def start_new_kernel_client(self, **options):
@@ -60,7 +69,7 @@ class _Client(PapermillNotebookClient):
 
 class _Engine(NBClientEngine):
     @classmethod
-    def execute_managed_notebook(cls, nb_man, kernel_name, *, private, seconds, output_limit, **_):
+    def execute_managed_notebook(cls, nb_man, kernel_name, *, private, seconds, output_limit, token, **_):
         transport = {"transport": "ipc", "ip": str(private / "k")} if os.name != "nt" else {}
         manager = AsyncKernelManager(
             kernel_name=kernel_name,
@@ -69,7 +78,7 @@ class _Engine(NBClientEngine):
             **transport,
         )
         client = _Client(nb_man, km=manager, timeout=seconds, startup_timeout=60)
-        client.output_limit = output_limit
+        client.output_limit, client.token = output_limit, token
         return client.execute()
 
 
@@ -119,6 +128,7 @@ def _papermill(job):
                 private=fresh,
                 seconds=job.seconds,
                 output_limit=job.output_limit,
+                token=job.token,
             )
         except StartFailure:
             sweep(job.token)

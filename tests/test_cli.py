@@ -1,0 +1,53 @@
+"""The command line answers a mistake with the nearest right word and exit status 2."""
+
+import pytest
+
+from drivelib import __main__ as cli
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "mini/fig1_line"], "'mini/fig1_line' is no item. Did you mean mini/fig01_line"),
+        (["reproduce", "mini/fig"], "'mini/fig' is no item"),
+        (["run", "mini/fig01", "-p", "slop=1"], "mini/fig01_line has no parameter 'slop', it has slope. Did you mean slope"),
+        (["run", "mini/fig01", "-p", "slope=steep"], "slope = 'steep': must be of the kind of its default 2.0"),
+        (["run", "mini/fig01", "-p", "slope"], "-p 'slope': must read NAME=VALUE"),
+        (["reproduce", "--jobs", "0"], "--jobs 0: must be at least 1"),
+        (["claims", "--verdict", "true"], "--verdict 'true': must be one of reproduced"),
+        (["claims", "--paper", "mine"], "--paper 'mine': must be one of mini"),
+    ],
+)
+def test_a_mistake_is_named(reproduced, arguments, message):
+    done = reproduced.run(*arguments)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_claims_lists_every_claim_with_number_and_verdict(reproduced):
+    out = reproduced.run("claims").stdout
+    assert "mini/slope" in out and "mini/rise" in out
+    assert "2 claims" in out
+    assert reproduced.run("claims", "--verdict", "open").stdout.strip().endswith("0 claims")
+
+
+def test_clean_notebooks_brings_a_saved_notebook_into_the_committed_form(reproduced):
+    path = reproduced.notebook("fig01_line")
+    clean = path.read_bytes()
+    path.write_bytes(clean.replace(b'"metadata": {\n', b'"metadata": {\n  "widgets": {},\n', 1))
+    assert path.read_bytes() != clean
+    assert "cleaned notebooks/mini/fig01_line.ipynb" in reproduced.run("clean-notebooks").stdout
+    assert path.read_bytes() == clean
+
+
+def test_a_notebook_in_no_ledger_is_named(reproduced):
+    reproduced.write_cells("fig03_stray", ["a = 1"])
+    done = reproduced.run("status")
+    assert done.returncode == 2
+    assert "notebooks/mini/fig03_stray.ipynb is listed in no ledger" in done.stderr
+
+
+@pytest.mark.parametrize(("text", "wanted"), [("a=1", ("a", 1)), ("a=1.5e3", ("a", 1500.0)), ("a=[1, 2]", ("a", [1, 2])), ("a=six-step", ("a", "six-step"))])
+def test_values_are_literals_or_strings(text, wanted):
+    assert cli.parse_parameter(text) == wanted

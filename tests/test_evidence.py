@@ -1,0 +1,111 @@
+"""The chain from claim to figure has no gap and no loose end, and no verdict has drifted."""
+
+import hashlib
+import importlib
+import json
+import re
+
+import jsonschema
+import pytest
+
+from drivelib import ledger, notebook, paths
+from drivelib.pack import check, report, runner
+
+SECTION_A = (
+    [f"eq{number:02d}" for number in range(1, 21)]
+    + [f"fig{number:02d}" for number in range(1, 20)]
+    + ["eq05/08", "net", "fig02-03/x", "eq20/x", "end-1", "end-2", "end-3"]
+)
+ITEMS = sorted(runner.items())
+CLAIMS = {id_: claim for paper in ledger.papers().values() for id_, claim in paper.claims.items()}
+EXPECTED = {id_: verdict for paper in ledger.papers().values() for id_, verdict in paper.expected.items()}
+RESULTS = report.results()
+SCHEMA = json.loads((paths.ledgers() / "record.schema.json").read_text())
+
+
+@pytest.mark.parametrize("row", SECTION_A)
+def test_every_row_of_eskanders_list_is_in_the_ledger(row):
+    """A row may be split into several claims, such as torque and efficiency."""
+    assert [id_ for id_ in CLAIMS if id_ == f"eskander/{row}" or id_.startswith(f"eskander/{row}/")]
+
+
+@pytest.mark.parametrize("claim_id", [id_ for id_, claim in CLAIMS.items() if claim.item in ITEMS])
+def test_the_computed_verdict_is_the_expected_one(claim_id):
+    """In either direction: a sign error would turn a verdict, and so would a mended result."""
+    verdict, reason = EXPECTED[claim_id]
+    assert RESULTS[claim_id]["verdict"] == verdict
+    assert reason
+
+
+@pytest.mark.parametrize("claim_id", sorted(RESULTS))
+def test_a_verdict_follows_from_the_number_beside_it(claim_id):
+    """Whoever edits a JSON by hand must edit number and verdict consistently."""
+    result, claim = RESULTS[claim_id], CLAIMS[claim_id]
+    if claim.omitted:
+        assert result["verdict"] == ledger.NOT_CHECKABLE
+        return
+    positive = {ledger.REPRODUCED, ledger.CORRECTED, ledger.SHOWN, ledger.FITTED}
+    if result["verdict"] in positive:
+        assert claim.holds(result["ours"])
+    if result["verdict"] in {ledger.CONTRADICTED, ledger.NOT_REPRODUCED}:
+        assert not claim.holds(result["ours"])
+    if result["verdict"] == ledger.CORRECTED:
+        assert not claim.holds(result["as_printed"])
+
+
+@pytest.mark.parametrize("item", ITEMS)
+def test_each_item_judges_its_claims_and_signs_its_artefacts(item):
+    content = json.loads(paths.figure(item, "json").read_text())
+    jsonschema.validate(content, SCHEMA)
+    assert content["item"] == item
+    assert content["published"] is True
+    assert [claim["id"] for claim in content["claims"]] and {claim["id"] for claim in content["claims"]} == set(ledger.claims_of(item))
+    for suffix, digest in content["artefacts"].items():
+        assert hashlib.sha256(paths.figure(item, suffix).read_bytes()).hexdigest() == digest
+
+
+@pytest.mark.parametrize("claim_id", [id_ for id_, claim in CLAIMS.items() if claim.item in ITEMS])
+def test_each_claim_names_functions_that_exist_and_that_its_notebook_uses(claim_id):
+    claim = CLAIMS[claim_id]
+    text = "\n".join(notebook.code(notebook.read(paths.notebook(claim.item))))
+    assert claim.functions
+    for name in claim.functions:
+        module, function = name.split(".")
+        assert callable(getattr(importlib.import_module(f"drivelib.{module}"), function))
+    used = [name for name in claim.functions if re.search(rf"\b{re.escape(name.split('.')[1])}\b", text)]
+    assert used, f"{claim.item} uses none of {claim.functions}"
+
+
+def test_no_figure_and_no_notebook_is_left_without_an_owner():
+    assert check.orphans(runner.items()) == []
+
+
+def test_each_item_has_claims_and_each_paper_item_links_its_code():
+    for item in ITEMS:
+        assert ledger.claims_of(item)
+        prose = "\n".join(notebook.source(cell) for cell in notebook.read(paths.notebook(item))["cells"] if cell["cell_type"] == "markdown")
+        links = re.findall(r"\]\(\.\./\.\./(drivelib/\w+\.py)\)", prose)
+        assert links
+        assert all((paths.root() / link).exists() for link in links)
+
+
+def test_the_readmes_table_is_what_the_results_say():
+    text = (paths.root() / "README.md").read_text()
+    assert report.readme(text, RESULTS) == text
+
+
+def test_open_claims_are_said_to_be_open():
+    text = (paths.root() / "README.md").read_text()
+    open_ = [claim for claim, result, _ in report.rows(RESULTS) if result is None]
+    for claim in open_:
+        assert claim.item not in ITEMS
+        assert f"`{claim.id.split('/', 1)[1]}`" in text.split("Open, because")[1]
+
+
+def test_each_assumption_that_a_notebook_names_is_in_the_ledger():
+    for item in ITEMS:
+        known = ledger.papers()[item.split("/")[0]].assumptions
+        prose = notebook.source(notebook.read(paths.notebook(item))["cells"][0])
+        omitted = prose.split("**What is omitted")[1]
+        for name in re.findall(r"`([A-Za-z_-]+)`", omitted):
+            assert name in known, (item, name)
