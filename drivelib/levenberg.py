@@ -1,0 +1,287 @@
+"""Levenberg-Marquardt for many networks at once, on torch in float64.
+
+All starts share the data and differ in their weights. Each keeps its own damping mu, and a start that has
+stopped is never touched again, so its result does not depend on its neighbours in the batch.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import torch
+
+from drivelib.validation import number
+
+RUNNING = 0
+STOPS = ("running", "goal", "gradient", "stalled", "validation", "epochs", "mu")
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """How mu moves and when training stops.
+
+    Parameters
+    ----------
+    name : str
+        What figures and tables call it.
+    mu, mu_max : float
+        First damping, and the damping at which a start gives up.
+    down, up : float
+        Factor on mu after a step that lowered the sum of squares, and after one that did not.
+    min_gradient : float
+        Stop where ``|J^T e|`` falls to it.
+    scaled : bool
+        Damp each weight in proportion to the largest ``diag(J^T J)`` it has met (Marquardt, as MINPACK does)
+        instead of all alike (Levenberg, as the toolbox does).
+    stall : float
+        Stop where the relative decrease of the sum of squares, both that found and that predicted by the
+        linear model, falls to it; 0 never does.
+    epochs : int
+        Most epochs. An epoch is one successful step with all the trials that it needed, as in the toolbox.
+    patience : int
+        Stop after so many epochs without a lower validation error.
+
+    Raises
+    ------
+    ValueError
+        If a value is outside its range.
+    """
+
+    name: str
+    mu: float = 1e-3
+    mu_max: float = 1e10
+    down: float = 0.1
+    up: float = 10.0
+    scaled: bool = False
+    min_gradient: float = 1e-7
+    stall: float = 0.0
+    epochs: int = 1000
+    patience: int = 6
+
+    def __post_init__(self):
+        number("mu", self.mu, above=0)
+        number("mu_max", self.mu_max, above=self.mu)
+        number("down", self.down, above=0, at_most=1)
+        number("up", self.up, above=1)
+        number("min_gradient", self.min_gradient, at_least=0)
+        number("stall", self.stall, at_least=0)
+        number("epochs", self.epochs, at_least=1, whole=True)
+        number("patience", self.patience, at_least=1, whole=True)
+
+
+# The toolbox's defaults. The epoch limit of 2002 was 100.
+TOOLBOX = Schedule("toolbox")
+TOOLBOX_2002 = Schedule("toolbox 2002", epochs=100)
+# Finds the best minimum of a 2-2-1 network at least as often as MINPACK's lm, the toolbox's schedule about half
+# as often: damping in proportion lets weights that do not matter yet move far. Stops as MINPACK by ftol.
+MARQUARDT = Schedule("Marquardt", mu=1.0, down=0.25, up=4.0, scaled=True, stall=1e-10)
+
+
+class Batch:
+    """Data, and the errors, Jacobians and normal equations of many networks on them.
+
+    Parameters
+    ----------
+    x, t : ndarray, shapes (n_samples, n_in) and (n_samples, n_out)
+        Mapped inputs and targets.
+    n_hidden : int
+        Hidden neurons.
+    activation : {"tanh", "logistic"}
+        Hidden-layer function.
+    device : str
+        Where to compute.
+
+    Notes
+    -----
+    One network is a row of weights: for each hidden neuron its weights and bias, then for each output
+    neuron its weights and bias; ``size`` numbers in all.
+    """
+
+    def __init__(self, x, t, n_hidden, activation, device="cpu"):
+        x, self.t = (torch.as_tensor(rows.T.copy(), dtype=torch.float64, device=device) for rows in (x, t))
+        # torch computes the last few elements of a tensor by other code with other last bits; rows of whole
+        # vectors keep those away from the samples, and so a start's bits from its place in the batch.
+        self.n = x.shape[1]
+        self.n_padded = -(-self.n // 16) * 16
+        self.x1 = x.new_zeros(len(x) + 1, self.n_padded)
+        self.x1[:-1, : self.n], self.x1[-1] = x, 1.0
+        self.n_hidden, self.activation = n_hidden, activation
+        self.n_first = n_hidden * len(self.x1)
+        self.size = self.n_first + len(self.t) * (n_hidden + 1)
+        # Pieces of 2 MB: smaller ones pay for calls, larger ones for memory.
+        doubles = self.t.numel() * self.size
+        self.piece = max(1, 262144 // doubles) if self.t.device.type == "cpu" else max(1, 2**25 // doubles)
+
+    def errors(self, weights):
+        """Return hidden values and errors output - target, shapes (S, n_hidden, N) and (S, n_out, N)."""
+        W1, W2 = self._layers(weights)
+        z = torch.matmul(W1, self.x1)
+        # tanh z = 2 / (1 + exp(-2 z)) - 1 to 4e-16, in a third of the time of torch.tanh
+        hidden = z.mul_(2.0).sigmoid_().mul_(2.0).sub_(1.0) if self.activation == "tanh" else z.sigmoid_()
+        hidden = hidden[..., : self.n]
+        return hidden, torch.baddbmm(W2[:, :, -1:] - self.t, W2[:, :, :-1], hidden)
+
+    def jacobian(self, weights, hidden):
+        """Return d error / d weights, shape (S, n_out, size, N), S at most ``piece``; the next call overwrites it."""
+        _, W2 = self._layers(weights)
+        slope = hidden - hidden * hidden if self.activation == "logistic" else 1.0 - hidden * hidden
+        J = self._J[: len(weights)]
+        for output, own in enumerate(self._own()):
+            first = J[:, output, : self.n_first].unflatten(1, (self.n_hidden, -1))
+            back = slope * W2[:, output, :-1, None]
+            torch.mul(back[:, :, None, :], self.x1[:, : self.n], out=first)
+            J[:, output, own.start : own.stop - 1] = hidden
+        return J
+
+    def normal(self, weights, hidden, errors):
+        """Return J^T J and J^T e, shapes (S, size, size) and (S, size), S at most ``piece``."""
+        J = self.jacobian(weights, hidden).flatten(0, 1)
+        JtJ = torch.bmm(J, J.transpose(1, 2))
+        eJ = torch.bmm(errors.flatten(0, 1)[:, None, :], J.transpose(1, 2))
+        outputs = (len(weights), len(self.t))
+        return JtJ.unflatten(0, outputs).sum(1), eJ.unflatten(0, outputs).sum(1).squeeze(1)
+
+    @cached_property
+    def _J(self):
+        # Fresh memory for every Jacobian would cost more than filling it: zeros and ones are written once.
+        J = self.t.new_zeros(self.piece, len(self.t), self.size, self.n_padded)[..., : self.n]
+        for output, own in enumerate(self._own()):
+            J[:, output, own.stop - 1] = 1.0
+        return J
+
+    def _own(self):
+        # Where each output neuron's weights and bias stand in a row of weights.
+        width = self.n_hidden + 1
+        return [slice(self.n_first + k * width, self.n_first + (k + 1) * width) for k in range(len(self.t))]
+
+    def _layers(self, weights):
+        W1 = weights[:, : self.n_first].unflatten(1, (self.n_hidden, -1))
+        return W1, weights[:, self.n_first :].unflatten(1, (len(self.t), -1))
+
+
+class Descent:
+    """Many starts on their way down; :meth:`run` takes each to its stop.
+
+    Parameters
+    ----------
+    batch : Batch
+        Training data.
+    weights : ndarray, shape (S, batch.size)
+        Where each start begins.
+    schedule : Schedule
+        Damping and stops.
+    goal : float
+        Sum of squared errors, mapped units, at which a start stops.
+    validation, test : Batch, optional
+        Data that is watched: rising validation error stops a start and gives back its best weights.
+
+    Attributes
+    ----------
+    weights : Tensor, shape (S, size)
+        Final weights; with validation those of the best validation epoch.
+    stop, epoch, best_epoch, trials : Tensor, shape (S,)
+        Index into ``STOPS``, epochs done, epoch of ``weights``, evaluations of the network.
+    history : dict of str to Tensor, shape (S, epochs + 1)
+        "sse", "gradient", "mu", "validation", "test" at each epoch, NaN after the stop.
+    """
+
+    def __init__(self, batch, weights, schedule, goal=0.0, validation=None, test=None):
+        self.batch, self.schedule, self.goal = batch, schedule, goal
+        self.watched = {"validation": validation, "test": test}
+        self.weights = torch.as_tensor(weights, dtype=torch.float64, device=batch.t.device).clone()
+        n = len(self.weights)
+        self.sse, self.best_validation = self.weights.new_full((2, n), torch.inf)
+        self.mu = self.weights.new_full((n,), schedule.mu)
+        self.JtJ = self.weights.new_zeros(n, batch.size, batch.size)
+        self.Jte = self.weights.new_zeros(n, batch.size)
+        self.scale = torch.zeros_like(self.Jte) if schedule.scaled else None
+        self.epoch, self.stop, self.best_epoch, self.fails, self.trials = self.weights.new_zeros(5, n, dtype=torch.long)
+        self.best_weights = self.weights.clone()
+        curves = ["sse", "gradient", "mu"] + [name for name, data in self.watched.items() if data is not None]
+        self.history = {name: self.weights.new_full((n, schedule.epochs + 1), torch.nan) for name in curves}
+
+    def run(self):
+        """Take every start to its stop."""
+        everyone = torch.arange(len(self.weights), device=self.weights.device)
+        self._try(everyone, self.weights.clone())
+        self._arrive(everyone)
+        while len(active := torch.nonzero(self.stop == RUNNING).squeeze(1)):
+            step, predicted = self._step(active)
+            before = self.sse[active]
+            better = self._try(active, self.weights[active] - step)
+            won, lost = active[better], active[~better]
+            self.mu[lost] *= self.schedule.up
+            self._end(lost, self.mu[lost] > self.schedule.mu_max, "mu")
+            self.mu[won] = torch.clamp(self.mu[won] * self.schedule.down, min=1e-20)
+            self.epoch[won] += 1
+            self._arrive(won)
+            if self.schedule.stall:
+                decrease = 1.0 - self.sse[won] / before[better]
+                stalled = torch.maximum(decrease, predicted[better] / before[better]) <= self.schedule.stall
+                self._end(won, stalled, "stalled")
+        if self.watched["validation"] is not None:
+            self.weights = self.best_weights
+        else:
+            self.best_epoch = self.epoch
+
+    def _step(self, which):
+        JtJ, Jte, damping = self.JtJ[which], self.Jte[which], self.mu[which][:, None]
+        if self.scale is not None:
+            scale = torch.maximum(self.scale[which], JtJ.diagonal(dim1=1, dim2=2))
+            self.scale[which] = scale
+            damping = damping * torch.where(scale > 0, scale, 1.0)
+        JtJ.diagonal(dim1=1, dim2=2).add_(damping)
+        factor, failed = torch.linalg.cholesky_ex(JtJ)
+        step = torch.cholesky_solve(Jte[:, :, None], factor).squeeze(-1)
+        # A matrix that is singular to working precision gives no step, which counts as a failed trial.
+        step[failed > 0] = 0.0
+        predicted = (step * (Jte + damping * step)).sum(1)
+        return step, predicted
+
+    def _try(self, which, weights):
+        # Return which of the trial weights lower the sum of squares; those are taken over.
+        better = []
+        for part, trial in zip(which.split(self.batch.piece), weights.split(self.batch.piece), strict=True):
+            hidden, errors = self.batch.errors(trial)
+            sse = errors.square().flatten(1).sum(1)
+            good = sse < self.sse[part]
+            better.append(good)
+            keep = torch.nonzero(good).squeeze(1)
+            if 0 < len(keep) < len(part):
+                trial, hidden, errors, sse = (value.index_select(0, keep) for value in (trial, hidden, errors, sse))
+            if len(keep):
+                won = part[keep]
+                self.weights[won], self.sse[won] = trial, sse
+                self.JtJ[won], self.Jte[won] = self.batch.normal(trial, hidden, errors)
+        self.trials[which] += 1
+        return torch.cat(better)
+
+    def _arrive(self, which):
+        # Record the epoch that these starts have reached, and stop those that are done.
+        gradient = self.Jte[which].norm(dim=1)
+        values = {"sse": self.sse[which], "gradient": gradient, "mu": self.mu[which]}
+        for name, data in self.watched.items():
+            if data is not None:
+                _, errors = data.errors(self.weights[which])
+                values[name] = errors.square().flatten(1).sum(1)
+        epoch = self.epoch[which]
+        for name, value in values.items():
+            self.history[name][which, epoch] = value
+        self._end(which, values["sse"] <= self.goal, "goal")
+        self._end(which, gradient <= self.schedule.min_gradient, "gradient")
+        if "validation" in values:
+            self._watch(which, values["validation"])
+        self._end(which, epoch >= self.schedule.epochs, "epochs")
+
+    def _watch(self, which, value):
+        best = self.best_validation[which]
+        lower, higher = which[value < best], which[value > best]
+        self.best_validation[lower] = value[value < best]
+        self.best_weights[lower] = self.weights[lower]
+        self.best_epoch[lower] = self.epoch[lower]
+        self.fails[lower] = 0
+        self.fails[higher] += 1
+        self._end(which, self.fails[which] >= self.schedule.patience, "validation")
+
+    def _end(self, which, reached, reason):
+        ending = which[reached & (self.stop[which] == RUNNING)]
+        self.stop[ending] = STOPS.index(reason)
