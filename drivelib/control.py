@@ -102,18 +102,22 @@ def pi_output(error, integral, K_p):
     return K_p * error + integral
 
 
-def pi_integral(integral, error, output, realised, K_p, K_i, period):
+def pi_integral(integral, error, output, realised, K_i, tracking, period):
     """Return the integral term for the next sample, by back-calculation.
 
-    Where a limit held the output at ``realised``, the integral follows what the plant really got, with
-    the time constant K_p/K_i of the controller's own zero: no winding up, no parameter to choose.
+    Where a limit held the output at ``realised``, the integral follows what the plant really got.
+    ``tracking`` (1/s) is how fast; K_i/K_p, the controller's own zero, leaves no parameter to choose.
     """
-    return integral + period * K_i * (error + (realised - output) / K_p)
+    return integral + period * (K_i * error + tracking * (realised - output))
 
 
 def clip(value, limit):
-    """Return ``value`` held within ±limit."""
-    return min(max(value, -limit), limit)
+    """Return ``value`` held within ±limit; NaN passes, so that a diverged loop shows."""
+    if value > limit:
+        return limit
+    if value < -limit:
+        return -limit
+    return value
 
 
 def clip_vector(d, q, limit):

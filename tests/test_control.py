@@ -46,7 +46,7 @@ def test_back_calculation_stops_at_what_the_plant_got():
     K_p, K_i, h, limit, error, integral = 2.0, 30.0, 1e-3, 5.0, 4.0, 0.0
     for _ in range(5000):
         output = control.pi_output(error, integral, K_p)
-        integral = control.pi_integral(integral, error, output, control.clip(output, limit), K_p, K_i, h)
+        integral = control.pi_integral(integral, error, output, control.clip(output, limit), K_i, K_i / K_p, h)
     assert integral == pytest.approx(limit, abs=1e-9)
     assert control.clip(control.pi_output(-0.1, integral, K_p), limit) < limit  # leaves the limit at once
 
