@@ -31,7 +31,8 @@ class DriveRun:
 
     ``t``: recorded times (s). ``indices``: ErrorIndices over the window, from every sample. ``first_hits``:
     time (s) of the first sample at which each limit was hit, limits never hit left out. ``state``: final
-    state by name, SI units; ``T_e`` is sampled at control instants.
+    state by name, SI units. ``T_e`` is sampled at the control instants, ``T_min`` and ``T_max`` are its
+    extremes at the switching instants until the next recorded sample (equal to T_e with averaged inverters).
     """
 
     scenario: Scenario
@@ -87,6 +88,9 @@ def drive_settings(scenario):
         corner=scenario.estimator_corner,
         period=scenario.period,
         substeps=scenario.substeps,
+        carrier_frequency=scenario.carrier_frequency if scenario.inverter == "switching" else 0.0,
+        V_dc_s=scenario.V_dc_s,
+        V_dc_r=scenario.V_dc_r,
     )
 
 

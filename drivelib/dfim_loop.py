@@ -20,6 +20,7 @@ from numba import njit
 
 from drivelib import control, dfim_decoupling, metrics
 from drivelib.dfim_plant import averaged_period, turn
+from drivelib.pwm import switched_period
 from drivelib.speed_law import speed_command
 
 _compensation_terms = njit(cache=True, nogil=True)(dfim_decoupling.compensation_terms)
@@ -32,6 +33,7 @@ _interval_indices = njit(cache=True, nogil=True)(metrics.interval_indices)
 CHANNELS = (
     "omega_ref", "omega_m", "T_ref", "T_e", "T_load", "i_sd", "i_sq", "i_rd", "i_rq", "phi_rd", "phi_rq",
     "phi_hat_d", "phi_hat_q", "v_sd", "v_sq", "v_rd", "v_rq", "omega_s", "omega_r", "theta_s", "theta_m",
+    "T_min", "T_max",
 )  # fmt: skip
 STATES = (
     "phi_sd", "phi_sq", "phi_rd", "phi_rq", "omega_m", "theta_m", "theta_s",
@@ -42,7 +44,7 @@ CURRENT_MODEL, ROTOR_VOLTAGE_MODEL = range(2)
 
 
 class DriveSettings(NamedTuple):
-    """What the controller knows and is set to; SI units, names as in ``Scenario`` (dfim_drive)."""
+    """What the controller knows and is set to; SI units, names as in ``Scenario``. Carrier frequency 0: averaged."""
 
     R_s: float
     R_r: float
@@ -67,6 +69,9 @@ class DriveSettings(NamedTuple):
     corner: float
     period: float
     substeps: int
+    carrier_frequency: float
+    V_dc_s: float
+    V_dc_r: float
 
 
 @njit(cache=True, nogil=True)
@@ -89,8 +94,9 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
         First and last sample of the error indices.
     every : int
         Record each such sample; 0 records nothing.
-    record : array, shape (samples, 21)
-        In the order of CHANNELS, as the sample begins and with the voltages then chosen.
+    record : array, shape (samples, 23)
+        In the order of CHANNELS, as the sample begins and with the voltages then chosen; the last two are
+        the extremes of torque at the switching instants up to the next recorded sample.
     indices : array, shape (3,)
         IAE, ISE, ITAE (time from the window's start) are added to it.
     hits : int array, shape (5,)
@@ -114,6 +120,7 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
     iae = ise = itae = 0.0
     omega_ref = T_load = 0.0
     R_r, row, change = plant.R_r, 0, 0
+    instants, extremes = np.empty(6), np.empty(2)
 
     for k in range(steps + 1):
         while changes[change] <= k:
@@ -160,6 +167,8 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
             )  # fmt: skip
             for j in range(len(values)):
                 record[row, j] = values[j]
+            record[row, -2], record[row, -1] = T_e, T_e
+            extremes[0], extremes[1] = T_e, T_e
             row += 1
         if k == steps:
             break
@@ -183,9 +192,17 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
         memory, e_previous, T_previous = memory_next, e, T_ref
 
         before = omega_m
-        phi_sd, phi_sq, phi_rd, phi_rq, omega_m, gained = averaged_period(
-            phi_sd, phi_sq, phi_rd, phi_rq, omega_m, v_sd, v_sq, v_rd, v_rq, omega_s, T_load, R_r, h, s.substeps, plant
-        )
+        if s.carrier_frequency == 0.0:
+            phi_sd, phi_sq, phi_rd, phi_rq, omega_m, gained = averaged_period(
+                phi_sd, phi_sq, phi_rd, phi_rq, omega_m, v_sd, v_sq, v_rd, v_rq, omega_s, T_load, R_r, h, plant, s.substeps
+            )
+        else:
+            phi_sd, phi_sq, phi_rd, phi_rq, omega_m, gained = switched_period(
+                phi_sd, phi_sq, phi_rd, phi_rq, omega_m, v_sd, v_sq, v_rd, v_rq, omega_s, T_load, R_r, h, plant,
+                theta_s, theta_m, k * h, s.carrier_frequency, s.V_dc_s, s.V_dc_r, instants, extremes,
+            )  # fmt: skip
+            if every > 0:
+                record[row - 1, -2], record[row - 1, -1] = extremes[0], extremes[1]
         theta_s += h * omega_s
         theta_m += h * before + gained
 

@@ -93,7 +93,7 @@ def ahead(d, q, x):
 
 @njit(cache=True, nogil=True)
 def averaged_period(
-    phi_sd, phi_sq, phi_rd, phi_rq, omega_m, v_sd, v_sq, v_rd, v_rq, omega_s, T_load, R_r, period, substeps, coefficients
+    phi_sd, phi_sq, phi_rd, phi_rq, omega_m, v_sd, v_sq, v_rd, v_rq, omega_s, T_load, R_r, period, coefficients, substeps
 ):
     """Advance the motor by one control period with inverters that give exactly the mean they are asked for.
 
