@@ -2,7 +2,7 @@
 
 The stator inverter's voltage stands still in the stator frame and the rotor inverter's in the rotor
 frame while the motor is integrated in the controller's d-q frame, in which fluxes move slowly. Holding
-both in one frame would cost 1 % of current at 100 µs.
+both in one frame would be wrong by the angle between the frames per period, first order in its length.
 """
 
 import math

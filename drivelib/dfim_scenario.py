@@ -216,7 +216,7 @@ DEFAULT_SCENARIO = Scenario(
         "machine": Origin("found", "the 4 kW set, see its own origins"),
         "omega_n": Origin("assumed", "the PI row of table II alone suggests 18 rad/s at this damping", 5.0, 60.0),
         "xi": Origin("found", _PUBLIC, 0.5, 1.0),
-        "current_bandwidth": Origin("assumed", "a tenth of the sampling rate in rad/s over 2π", 300.0, 3000.0),
+        "current_bandwidth": Origin("assumed", "fifty times ω_n, and a tenth per sample: slow enough to act as continuous", 300.0, 3000.0),
         "orientation_bandwidth": Origin("assumed", "idle unless currents and references part", 0.0, 300.0),
         "phi_r_ref": Origin("found", _PUBLIC, 0.6, 1.0),
         "T_limit": Origin("assumed", "twice the rated torque", 30.0, 65.0),
