@@ -96,7 +96,7 @@ class Scenario:
     V_dc_s: float = 560.0
     V_dc_r: float = 560.0
     frequency_law: str = "equal split"
-    omega_r_constant: float = 31.4
+    omega_r_constant: float = 12.6
     flux_estimator: str = "current model"
     estimator_corner: float = 5.0
     inverter: str = "averaged"
@@ -225,7 +225,7 @@ DEFAULT_SCENARIO = Scenario(
         "V_dc_s": Origin("assumed", "a 400 V network, rectified", 400.0, 700.0),
         "V_dc_r": Origin("assumed", "as the stator's", 400.0, 700.0),
         "frequency_law": Origin("assumed", "torque and speed do not depend on it"),
-        "omega_r_constant": Origin("assumed", "5 Hz, for the other law", -63.0, 63.0),
+        "omega_r_constant": Origin("assumed", "2 Hz, for the other law; 5 Hz takes the stator to its voltage limit at 150 rad/s", -31.4, 31.4),
         "flux_estimator": Origin("assumed", "both currents of this motor are measured"),
         "estimator_corner": Origin("assumed", "for the other estimator", 0.0, 50.0),
         "inverter": Origin("assumed", "the paper names pulse width modulation; its mean is what controls speed"),
