@@ -1,0 +1,246 @@
+"""The compiled loop of Zidani's drive (figures 2 and 9): controllers, two inverters and the motor, sample by sample.
+
+Orientation. In a frame locked to the estimated flux L_r i_rq + M i_sq vanishes identically: both
+q-current loops would then see one error, their integrators could wind against each other without a
+trace in the currents, and a frame speed taken back from the turning flux would drift with them. Here the
+frequency law sets the frame's speed, and the flux estimate corrects it:
+
+    ω_s = ω_s*(p Ω) + k φ̂_rq/φ̂_rd,     ω_r = ω_s − p Ω,
+
+both used in the compensation as they are applied. All four currents keep an integrator, because in
+this frame they are four independent states; with references that obey (11) the estimate's q component
+dies out with the currents' errors, the correction with it, and the frame keeps the law's speed.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from drivelib import control, dfim_decoupling, metrics
+from drivelib.dfim_plant import averaged_period, turn
+from drivelib.pwm import switched_period
+from drivelib.speed_law import speed_command
+
+_compensation_terms = njit(cache=True, nogil=True)(dfim_decoupling.compensation_terms)
+_clip_vector = njit(cache=True, nogil=True)(control.clip_vector)
+_pi_output = njit(cache=True, nogil=True)(control.pi_output)
+_pi_integral = njit(cache=True, nogil=True)(control.pi_integral)
+_stator_frequency = njit(cache=True, nogil=True)(control.stator_frequency)
+_interval_indices = njit(cache=True, nogil=True)(metrics.interval_indices)
+
+CHANNELS = (
+    "omega_ref", "omega_m", "T_ref", "T_e", "T_load", "i_sd", "i_sq", "i_rd", "i_rq", "phi_rd", "phi_rq",
+    "phi_hat_d", "phi_hat_q", "v_sd", "v_sq", "v_rd", "v_rq", "omega_s", "omega_r", "theta_s", "theta_m",
+    "T_min", "T_max",
+)  # fmt: skip
+STATES = (
+    "phi_sd", "phi_sq", "phi_rd", "phi_rq", "omega_m", "theta_m", "theta_s",
+    "u_sd", "u_sq", "u_rd", "u_rq", "phi_hat_d", "phi_hat_q", "memory", "e_previous", "T_previous",
+)  # fmt: skip
+LIMITS = ("torque", "stator voltage", "rotor voltage", "stator current", "rotor current")
+CURRENT_MODEL, ROTOR_VOLTAGE_MODEL = range(2)
+
+
+class DriveSettings(NamedTuple):
+    """What the controller knows and is set to; SI units, names as in ``Scenario``. Carrier frequency 0: averaged."""
+
+    R_s: float
+    R_r: float
+    L_s: float
+    L_r: float
+    M: float
+    p: float
+    K_ps: float
+    K_is: float
+    K_pr: float
+    K_ir: float
+    phi_ref: float
+    T_limit: float
+    v_s_limit: float
+    v_r_limit: float
+    i_s_limit: float
+    i_r_limit: float
+    law: int
+    omega_r_constant: float
+    k_orientation: float
+    estimator: int
+    corner: float
+    period: float
+    substeps: int
+    carrier_frequency: float
+    V_dc_s: float
+    V_dc_r: float
+
+
+@njit(cache=True, nogil=True)
+def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, record, indices, hits):
+    """Run the drive for ``steps`` control periods; all results go into the arrays that are passed.
+
+    Parameters
+    ----------
+    steps : int
+    x : array, shape (16,)
+        State, in the order of STATES; holds the final state afterwards, from which a run can go on.
+    plant : DfimCoefficients
+        Of the motor as it is; ``s`` (DriveSettings) holds what the controller believes.
+    speed : SpeedLaw
+    changes : int array, shape (m + 1,)
+        Samples at which a profile changes, increasing, ending with one beyond the last sample.
+    profiles : array, shape (m, 3)
+        From each change on: speed reference (rad/s), load torque (N m), factor on the plant's R_r.
+    window : tuple of two int
+        First and last sample of the error indices.
+    every : int
+        Record each such sample; 0 records nothing.
+    record : array, shape (samples, 23)
+        In the order of CHANNELS, as the sample begins and with the voltages then chosen; the last two are
+        the extremes of torque at the switching instants up to the next recorded sample.
+    indices : array, shape (3,)
+        IAE, ISE, ITAE (time from the window's start) are added to it.
+    hits : int array, shape (5,)
+        First sample at which each of LIMITS was hit, −1 where none was.
+
+    Returns
+    -------
+    int
+        −1, or the sample at which the state had left all bounds.
+    """
+    phi_sd, phi_sq, phi_rd, phi_rq, omega_m, theta_m, theta_s = x[0], x[1], x[2], x[3], x[4], x[5], x[6]
+    u_sd, u_sq, u_rd, u_rq, hat_d, hat_q = x[7], x[8], x[9], x[10], x[11], x[12]
+    memory, e_previous, T_previous = x[13], x[14], x[15]
+    h = s.period
+    k_r, k_s = s.M / s.L_r, s.M / s.L_s
+    sigma = 1.0 - s.M * s.M / (s.L_s * s.L_r)
+    per_torque = 2.0 * s.L_r / (3.0 * s.p * s.M)
+    i_sd_ref, floor = s.phi_ref / s.M, 0.2 * s.phi_ref
+    a_s, a_r = s.K_is / s.K_ps, s.K_ir / s.K_pr
+    flux_bound, speed_bound = 1e2 * s.phi_ref, 1e5
+    iae = ise = itae = 0.0
+    omega_ref = T_load = 0.0
+    R_r, row, change = plant.R_r, 0, 0
+    instants, extremes = np.empty(6), np.empty(2)
+
+    for k in range(steps + 1):
+        while changes[change] <= k:
+            omega_ref, T_load, R_r = profiles[change, 0], profiles[change, 1], plant.R_r * profiles[change, 2]
+            change += 1
+
+        # Measured currents, and the rotor flux estimated from them
+        i_sd = plant.Gamma_s * phi_sd - plant.Gamma_m * phi_rd
+        i_sq = plant.Gamma_s * phi_sq - plant.Gamma_m * phi_rq
+        i_rd = plant.Gamma_r * phi_rd - plant.Gamma_m * phi_sd
+        i_rq = plant.Gamma_r * phi_rq - plant.Gamma_m * phi_sq
+        model_d, model_q = s.L_r * i_rd + s.M * i_sd, s.L_r * i_rq + s.M * i_sq
+        if s.estimator == CURRENT_MODEL:
+            hat_d, hat_q = model_d, model_q
+
+        # Frame speed: the law's share of the rotor speed, and the correction towards the estimated flux
+        omega_e = s.p * omega_m
+        usable = max(hat_d, floor)
+        omega_s = _stator_frequency(s.law, omega_e, s.omega_r_constant) + s.k_orientation * hat_q / usable
+        omega_r = omega_s - omega_e
+
+        # Speed controller, then the current references, eq. (16) mended
+        e = omega_ref - omega_m
+        T_ref, T_asked, memory_next = speed_command(speed, e, e_previous, memory, T_previous, s.T_limit, h)
+        i_sq_ref = per_torque * T_ref / usable
+        e_sd, e_sq, e_rd, e_rq = i_sd_ref - i_sd, i_sq_ref - i_sq, -i_rd, -k_r * i_sq_ref - i_rq
+
+        # Four current controllers, compensation (13)–(14), inverter voltages from (12)
+        c_sd, c_sq, c_rd, c_rq = _compensation_terms(
+            i_sd, i_sq, i_rd, i_rq, omega_s, omega_r, s.R_s, s.R_r, s.L_s, s.L_r, s.M
+        )
+        t_sd, t_sq = _pi_output(e_sd, u_sd, s.K_ps) + c_sd, _pi_output(e_sq, u_sq, s.K_ps) + c_sq
+        t_rd, t_rq = _pi_output(e_rd, u_rd, s.K_pr) + c_rd, _pi_output(e_rq, u_rq, s.K_pr) + c_rq
+        w_sd, w_sq = (t_sd + k_r * t_rd) / sigma, (t_sq + k_r * t_rq) / sigma
+        w_rd, w_rq = (t_rd + k_s * t_sd) / sigma, (t_rq + k_s * t_sq) / sigma
+        v_sd, v_sq = _clip_vector(w_sd, w_sq, s.v_s_limit)
+        v_rd, v_rq = _clip_vector(w_rd, w_rq, s.v_r_limit)
+
+        if every > 0 and k % every == 0:
+            T_e = plant.k_T * (phi_rd * i_sq - phi_rq * i_sd)
+            values = (
+                omega_ref, omega_m, T_ref, T_e, T_load, i_sd, i_sq, i_rd, i_rq, phi_rd, phi_rq,
+                hat_d, hat_q, v_sd, v_sq, v_rd, v_rq, omega_s, omega_r, theta_s, theta_m,
+            )  # fmt: skip
+            for j in range(len(values)):
+                record[row, j] = values[j]
+            record[row, -2], record[row, -1] = T_e, T_e
+            extremes[0], extremes[1] = T_e, T_e
+            row += 1
+        if k == steps:
+            break
+
+        if hits[0] < 0 and T_ref != T_asked:
+            hits[0] = k
+        if hits[1] < 0 and (v_sd != w_sd or v_sq != w_sq):
+            hits[1] = k
+        if hits[2] < 0 and (v_rd != w_rd or v_rq != w_rq):
+            hits[2] = k
+        if hits[3] < 0 and i_sd * i_sd + i_sq * i_sq > s.i_s_limit**2:
+            hits[3] = k
+        if hits[4] < 0 and i_rd * i_rd + i_rq * i_rq > s.i_r_limit**2:
+            hits[4] = k
+
+        # Integrators: back-calculation from the combined voltages that both inverters really gave
+        u_sd = _pi_integral(u_sd, e_sd, t_sd, v_sd - k_r * v_rd, s.K_is, a_s, h)
+        u_sq = _pi_integral(u_sq, e_sq, t_sq, v_sq - k_r * v_rq, s.K_is, a_s, h)
+        u_rd = _pi_integral(u_rd, e_rd, t_rd, v_rd - k_s * v_sd, s.K_ir, a_r, h)
+        u_rq = _pi_integral(u_rq, e_rq, t_rq, v_rq - k_s * v_sq, s.K_ir, a_r, h)
+        memory, e_previous, T_previous = memory_next, e, T_ref
+
+        before = omega_m
+        if s.carrier_frequency == 0.0:
+            phi_sd, phi_sq, phi_rd, phi_rq, omega_m, gained = averaged_period(
+                phi_sd, phi_sq, phi_rd, phi_rq, omega_m, v_sd, v_sq, v_rd, v_rq, omega_s, T_load, R_r, h, plant, s.substeps
+            )
+        else:
+            phi_sd, phi_sq, phi_rd, phi_rq, omega_m, gained = switched_period(
+                phi_sd, phi_sq, phi_rd, phi_rq, omega_m, v_sd, v_sq, v_rd, v_rq, omega_s, T_load, R_r, h, plant,
+                theta_s, theta_m, k * h, s.carrier_frequency, s.V_dc_s, s.V_dc_r, instants, extremes,
+            )  # fmt: skip
+            if every > 0:
+                record[row - 1, -2], record[row - 1, -1] = extremes[0], extremes[1]
+        theta_s += h * omega_s
+        theta_m += h * before + gained
+
+        if s.estimator == ROTOR_VOLTAGE_MODEL:
+            # Trapezoid of v_r − R_r i_r in the rotor frame, seen from this one; the corner ties it to the currents
+            end_rd = plant.Gamma_r * phi_rd - plant.Gamma_m * phi_sd
+            end_rq = plant.Gamma_r * phi_rq - plant.Gamma_m * phi_sq
+            c, sn = math.cos(0.5 * h * omega_r), math.sin(0.5 * h * omega_r)
+            hat_d, hat_q = turn(hat_d - 0.5 * h * s.R_r * i_rd, hat_q - 0.5 * h * s.R_r * i_rq, c, sn)
+            hat_d, hat_q = turn(hat_d + h * v_rd, hat_q + h * v_rq, c, sn)
+            end_d = s.L_r * end_rd + s.M * (plant.Gamma_s * phi_sd - plant.Gamma_m * phi_rd)
+            end_q = s.L_r * end_rq + s.M * (plant.Gamma_s * phi_sq - plant.Gamma_m * phi_rq)
+            hat_d += -0.5 * h * s.R_r * end_rd + h * s.corner * (end_d - hat_d)
+            hat_q += -0.5 * h * s.R_r * end_rq + h * s.corner * (end_q - hat_q)
+
+        if window[0] <= k < window[1]:
+            more = _interval_indices((k - window[0]) * h, h, e, omega_ref - omega_m)
+            iae += more[0]
+            ise += more[1]
+            itae += more[2]
+        if not (abs(omega_m) < speed_bound and abs(phi_rd) + abs(phi_rq) + abs(phi_sd) + abs(phi_sq) < flux_bound):
+            _keep(x, phi_sd, phi_sq, phi_rd, phi_rq, omega_m, theta_m, theta_s)
+            return k + 1
+
+    _keep(x, phi_sd, phi_sq, phi_rd, phi_rq, omega_m, theta_m, theta_s)
+    x[7], x[8], x[9], x[10], x[11], x[12] = u_sd, u_sq, u_rd, u_rq, hat_d, hat_q
+    x[13], x[14], x[15] = memory, e_previous, T_previous
+    indices[0] += iae
+    indices[1] += ise
+    indices[2] += itae
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def _keep(x, phi_sd, phi_sq, phi_rd, phi_rq, omega_m, theta_m, theta_s):
+    x[0], x[1], x[2], x[3], x[4], x[5], x[6] = phi_sd, phi_sq, phi_rd, phi_rq, omega_m, theta_m, theta_s
+
+
+def empty_record(steps, every):
+    """Return the array that ``run_drive`` fills: one row for each recorded sample of 0 … steps."""
+    return np.zeros((steps // every + 1 if every else 0, len(CHANNELS)))
