@@ -4,7 +4,6 @@ Each pin was seen to be needed or harmless for identical bytes on AVX-512 and AV
 them when they load, so they must be set before Python starts.
 """
 
-import hashlib
 import os
 import sys
 from importlib import metadata
@@ -41,7 +40,6 @@ def pinned(base=None, **extra):
     """Return a copy of the environment ``base`` (default: this process's) with the pins and ``extra`` set."""
     environment = dict(os.environ if base is None else base)
     environment.update(PINS)
-    environment["NUMBA_CACHE_DIR"] = numba_cache()
     environment.update({name: str(value) for name, value in extra.items()})
     return environment
 
@@ -59,19 +57,6 @@ def kernel(private, **extra):
 def missing_pins():
     """Return the names of the pins that are not in force in this process."""
     return sorted(name for name, value in PINS.items() if os.environ.get(name) != value)
-
-
-def numba_cache():
-    """Return the cache folder for compiled loops, named by the digest of all sources and pins.
-
-    numba keys its cache by the file of the compiled function alone and would miss a change in a function
-    that it calls from another file.
-    """
-    package = Path(__file__).resolve().parent
-    digest = hashlib.sha256(repr(sorted(PINS.items())).encode())
-    for source in sorted(package.rglob("*.py")):
-        digest.update(source.relative_to(package).as_posix().encode() + b"\0" + source.read_bytes())
-    return str(package.parent / "build" / "numba" / digest.hexdigest()[:16])
 
 
 def provenance():
