@@ -69,7 +69,8 @@ def _block(found):
         open_ = [claim for claim, result, _ in mine if result is None]
         counts = {verdict: sum(v == verdict for *_, v in mine) for verdict in (*ledger.VERDICTS, OPEN)}
         lines.append(f"\n**{paper.citation}** " + ", ".join(f"{count} {name}" for name, count in counts.items() if count) + ".\n")
-        lines += ["| item | claim | measured | paper | ours | verdict |", "|---|---|---|---|---:|---|"]
+        if len(open_) < len(mine):
+            lines += ["| item | claim | measured | paper | ours | verdict |", "|---|---|---|---|---:|---|"]
         for claim, result, verdict in mine:
             if result is None:
                 continue
