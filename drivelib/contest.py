@@ -90,7 +90,7 @@ def with_machine(scenario, machine):
 
 
 class Response(NamedTuple):
-    """Worst of several events, in % of the set point's size at that time; recovery in s, into ±0.5 % of it."""
+    """Worst of several events, in % of the set point's size at that time; recovery in s, into ±0.5 % of it. Six decimals."""
 
     dip: float
     overshoot: float
@@ -110,7 +110,7 @@ def _worst(run, events, recovery_percent=0.5):
         found = metrics.step_metrics(run.t, run["omega_ref"], run["omega_m"], event, following[event], band=band)
         recovery = min(found.recovery_time, following[event] - event)
         rows.append((share * abs(found.peak), share * found.overshoot, share * abs(found.steady_error), share * found.ripple, recovery))
-    return Response(*np.max(rows, axis=0).tolist())
+    return Response(*np.round(np.max(rows, axis=0), 6).tolist())
 
 
 def load_response(run):

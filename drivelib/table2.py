@@ -31,6 +31,20 @@ class Printed(NamedTuple):
         (a, da), (s, ds) = self.IAE, self.ISE
         return (a - da) ** 2 / (s + ds), a**2 / s, (a + da) ** 2 / (s - ds)
 
+    def consistent(self, horizon):
+        """Return the IAE (rad) in the middle of what the roundings of IAE and of ITAE = horizon · IAE both allow.
+
+        Raises
+        ------
+        ValueError
+            If they allow none.
+        """
+        (a, da), (t, dt) = self.IAE, self.ITAE
+        low, high = max(a - da, (t - dt) / horizon), min(a + da, (t + dt) / horizon)
+        if low > high:
+            raise ValueError(f"horizon = {horizon:g} s: must make ITAE/horizon meet IAE = {a:g} ± {da:g} rad")
+        return 0.5 * (low + high)
+
     def mean_error(self):
         """Return ISE/IAE (rad/s), the error weighted by itself: what a constant error would be."""
         return self.ISE[0] / self.IAE[0]

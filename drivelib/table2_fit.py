@@ -51,6 +51,11 @@ def under_load(scenario, load, law, *, every=0):
     return simulate(test, law, every=every, window=(ON, test.duration))
 
 
+def settled(values):
+    """Return the values to seven digits: beyond these a search's end depends on the processor."""
+    return np.array([float(f"{value:.7g}") for value in np.atleast_1d(values)])
+
+
 def _fit(names, start, run_at, row):
     def errors(logs):
         try:
@@ -61,8 +66,10 @@ def _fit(names, start, run_at, row):
 
     first = np.log(start)
     best = least_squares(errors, first, bounds=(first - SEARCH, first + SEARCH), diff_step=1e-6, max_nfev=60, **PRECISION)
-    values = np.exp(best.x)
-    return Found(dict(zip(names, values.tolist(), strict=True)), float(np.max(np.abs(np.expm1(best.fun)))), run_at(*values))
+    values = settled(np.exp(best.x))
+    found = run_at(*values)
+    residual = max(abs(found.indices.IAE / row.IAE[0] - 1.0), abs(found.indices.ISE / row.ISE[0] - 1.0))
+    return Found(dict(zip(names, values.tolist(), strict=True)), residual, found)
 
 
 def fit_pi(scenario, row, xi, load):
@@ -92,18 +99,24 @@ def fit_pi(scenario, row, xi, load):
     return _fit(("omega_n", "T_load"), (first.omega_n, first.a * scenario.machine.J), run_at, row)
 
 
-def fit_fuzzy(scenario, row, load, e_max):
-    """Find the small-signal gains K_p (N m s/rad) and K_i (N m/rad) with which the incremental FLC meets a row.
+def fit_gains(scenario, row, load, law):
+    """Find the gains K_p (N m s/rad) and K_i (N m/rad) with which an integrating controller meets a row under a given load.
 
-    Two free, two matched; ``e_max`` (rad/s) as in `contest.fuzzy_like_pi`, the load is given.
+    Two free, two matched. ``law`` makes the speed controller from control.PiGains. The search starts at the
+    overdamped PI loop, and where that loop would oscillate it refuses (``table2.overdamped``).
     """
     J = scenario.machine.J
     start = table2.overdamped(row.IAE[0] / load.steps, row.ISE[0] / load.steps, load.T_load / J)
 
     def run_at(K_p, K_i):
-        return under_load(scenario, load, fuzzy_like_pi(scenario, e_max, gains=PiGains(float(K_p), float(K_i))))
+        return under_load(scenario, load, law(PiGains(float(K_p), float(K_i))))
 
     return _fit(("K_p", "K_i"), (J * start[0], J * start[1]), run_at, row)
+
+
+def fit_fuzzy(scenario, row, load, e_max):
+    """Find the small-signal gains with which the incremental FLC meets a row: `fit_gains` with `contest.fuzzy_like_pi`."""
+    return fit_gains(scenario, row, load, lambda gains: fuzzy_like_pi(scenario, e_max, gains=gains))
 
 
 def static_map(stiffness, T_limit):
@@ -136,9 +149,11 @@ def fit_static(scenario, row, load, *, form=static_map):
         return float(np.interp(row.IAE[0], iae, t)), float(np.log(np.interp(row.IAE[0], iae, ise) / row.ISE[0]))
 
     k = brentq(lambda k: hold_and_gap(k)[1], 0.25 * first, 4.0 * first, xtol=1e-9, rtol=1e-12)
-    hold, gap = hold_and_gap(k)
+    (k,) = settled(k)
+    (hold,) = settled(hold_and_gap(k)[0])
     run = under_load(scenario, load._replace(horizon=hold), form(k, scenario.T_limit))
-    return Found({"stiffness": float(k), "hold": hold}, abs(float(np.expm1(gap))), run)
+    residual = max(abs(run.indices.IAE / row.IAE[0] - 1.0), abs(run.indices.ISE / row.ISE[0] - 1.0))
+    return Found({"stiffness": float(k), "hold": float(hold)}, residual, run)
 
 
 def fit_one_load(scenario, pi, flc, ann, *, xi, e_max, horizon=2.0, rounds=8):
@@ -161,11 +176,11 @@ def fit_one_load(scenario, pi, flc, ann, *, xi, e_max, horizon=2.0, rounds=8):
         k = k or load.T_load / ann.mean_error()
         for _ in range(4):  # the map is nearly linear, so this settles at once
             run = under_load(scenario, load, static_map(k, scenario.T_limit))
-            k *= run.indices.ISE / run.indices.IAE / ann.mean_error()
+            (k,) = settled(k * run.indices.ISE / run.indices.IAE / ann.mean_error())
         got = run.indices.IAE**2 / run.indices.ISE
         if abs(got / ann.duration()[1] - 1.0) < 1e-4:
             break
-        hold += ann.duration()[1] - got
+        (hold,) = settled(hold + ann.duration()[1] - got)
     fuzzy = fit_fuzzy(scenario, flc, load, e_max)
     residual = max(abs(run.indices.IAE / ann.IAE[0] - 1), abs(run.indices.ISE / ann.ISE[0] - 1))
     return {"PI": loop, "FLC": fuzzy, "ANN": Found({"stiffness": float(k), "hold": hold}, float(residual), run)}
