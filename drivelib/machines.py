@@ -15,7 +15,13 @@ ORIGINS = ("printed", "found", "inferred", "assumed", "identified", "given")
 
 @dataclass(frozen=True)
 class Origin:
-    """Where one value comes from: its class, a note, and for open values the range to study."""
+    """Where one value comes from: its class, a note, and for open values the range to study.
+
+    Raises
+    ------
+    ValueError
+        If the class is unknown, or the range has one end only or its ends in the wrong order.
+    """
 
     kind: str
     note: str = ""
@@ -24,6 +30,10 @@ class Origin:
 
     def __post_init__(self):
         choice("kind", self.kind, ORIGINS)
+        if (self.low is None) != (self.high is None):
+            raise ValueError(f"low = {self.low}, high = {self.high}: a range needs both ends, or none")
+        if self.low is not None:
+            number("high", self.high, at_least=number("low", self.low))
 
 
 GIVEN = Origin("given", "by the user")
@@ -92,8 +102,15 @@ class PmsmParameters:
         if unknown:
             first = sorted(unknown)[0]
             raise ValueError(f"origins names {first!r}, which is no parameter of a PMSM{nearest(first, PMSM_UNITS)}")
+        for parameter, origin in self.origins.items():
+            if not isinstance(origin, Origin):
+                raise ValueError(f"origins[{parameter!r}] = {origin!r}: must be an Origin, of a class among {', '.join(ORIGINS)}")
         origins = {parameter: self.origins.get(parameter, GIVEN) for parameter in PMSM_UNITS}
         object.__setattr__(self, "origins", MappingProxyType(origins))
+
+    def __reduce__(self):
+        values = {item.name: getattr(self, item.name) for item in fields(self)}  # a mappingproxy cannot be pickled
+        return type(self), tuple({**values, "origins": dict(self.origins)}.values())
 
     @property
     def delta_L(self):
@@ -106,7 +123,7 @@ class PmsmParameters:
         return self.P * self.omega_m_rated
 
     def changed(self, **values):
-        """Return a copy with some values changed; their origin becomes "given".
+        """Return a copy with some values changed; their origin becomes "given" unless ``origins`` says otherwise.
 
         Raises
         ------
@@ -117,7 +134,8 @@ class PmsmParameters:
         for parameter in values:
             if parameter not in known:
                 raise ValueError(f"{parameter!r} is no parameter of a PMSM{nearest(parameter, known)}")
-        origins = {parameter: origin for parameter, origin in self.origins.items() if parameter not in values}
+        kept = {parameter: origin for parameter, origin in self.origins.items() if parameter not in values}
+        origins = {**kept, **values.pop("origins", {})}
         return replace(self, origins=origins, **values)
 
     def rows(self):
