@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 
-from drivelib.machines import GIVEN, Origin
+from drivelib.machines import GIVEN, Origin, Travelling
 from drivelib.validation import nearest, number
 
 DFIM_UNITS = MappingProxyType(
@@ -23,7 +23,7 @@ DFIM_UNITS = MappingProxyType(
 
 
 @dataclass(frozen=True)
-class DfimParameters:
+class DfimParameters(Travelling):
     """Doubly fed induction motor, rotor quantities referred to the stator, amplitude-invariant.
 
     Parameters

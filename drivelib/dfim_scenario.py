@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 from drivelib import control
 from drivelib.dfim_machines import DFIM_4KW, DfimParameters
-from drivelib.machines import GIVEN, Origin
+from drivelib.machines import GIVEN, Origin, Travelling
 from drivelib.validation import choice, nearest, number
 
 FLUX_ESTIMATORS = ("current model", "rotor voltage model")
@@ -35,7 +35,7 @@ SCENARIO_UNITS = MappingProxyType(
 
 
 @dataclass(frozen=True)
-class Scenario:
+class Scenario(Travelling):
     """One drive, its settings and its load cycle.
 
     Parameters

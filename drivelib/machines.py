@@ -36,11 +36,19 @@ class Origin:
             number("high", self.high, at_least=number("low", self.low))
 
 
+class Travelling:
+    """A frozen dataclass with origins that can be pickled, so that it can go to another process."""
+
+    def __reduce__(self):
+        values = {item.name: getattr(self, item.name) for item in fields(self)}  # a mappingproxy cannot be pickled
+        return type(self), tuple({**values, "origins": dict(self.origins)}.values())
+
+
 GIVEN = Origin("given", "by the user")
 
 
 @dataclass(frozen=True)
-class PmsmParameters:
+class PmsmParameters(Travelling):
     """Permanent-magnet synchronous machine in the rotor frame, amplitude-invariant.
 
     Parameters
@@ -107,10 +115,6 @@ class PmsmParameters:
                 raise ValueError(f"origins[{parameter!r}] = {origin!r}: must be an Origin, of a class among {', '.join(ORIGINS)}")
         origins = {parameter: self.origins.get(parameter, GIVEN) for parameter in PMSM_UNITS}
         object.__setattr__(self, "origins", MappingProxyType(origins))
-
-    def __reduce__(self):
-        values = {item.name: getattr(self, item.name) for item in fields(self)}  # a mappingproxy cannot be pickled
-        return type(self), tuple({**values, "origins": dict(self.origins)}.values())
 
     @property
     def delta_L(self):
