@@ -210,7 +210,7 @@ def test_parameter_sets_and_scenarios_can_go_to_another_process():
     from drivelib.dfim_machines import DFIM_SETS
     from drivelib.dfim_scenario import DEFAULT_SCENARIO
 
-    for value in (*DFIM_SETS, DEFAULT_SCENARIO):
+    for value in (*DFIM_SETS.values(), DEFAULT_SCENARIO):
         twin = pickle.loads(pickle.dumps(value))
         assert twin == value
         assert dict(twin.origins) == dict(value.origins)
