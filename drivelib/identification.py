@@ -7,7 +7,7 @@ from drivelib import pmsm_optimum
 from drivelib.validation import array, grid, number
 
 
-def speed_at_loss(machine, loss, R_c, T_e, *, model="simplified", convention="paper"):
+def loss_curve(machine, loss, R_c, T_e, *, model="simplified", convention="paper"):
     """Return (ω_m, V_s) (rad/s, V) at which the least loss equals ``loss`` (W), for each R_c and torque.
 
     Parameters
@@ -45,7 +45,7 @@ def largest_iron_resistance(machine, loss, T_e, V_max, *, model="simplified", R_
     number("R_c_range[0]", R_c_range[0], "ohm", above=0)
 
     def excess(R_c):
-        return float(speed_at_loss(machine, loss, R_c, T_e, model=model)[1][0, 0]) - V_max
+        return float(loss_curve(machine, loss, R_c, T_e, model=model)[1][0, 0]) - V_max
 
     ends = excess(R_c_range[0]), excess(R_c_range[1])
     if np.isnan(ends).any():

@@ -8,6 +8,7 @@ import numpy as np
 
 from drivelib import control, pmsm
 from drivelib.machines import GIVEN, IPMSM, Origin, PmsmParameters
+from drivelib.profiles import profile
 from drivelib.pmsm_law import CONTROLS, LAW_OUTPUTS, LAWS, NetworkLaw
 from drivelib.validation import choice, nearest, number
 
@@ -112,7 +113,7 @@ class Scenario:
                 object.__setattr__(self, name, number(name, getattr(self, name), unit, above=0))
         for name, unit in _PROFILES.items():
             if not (name == "torque" and isinstance(self.torque, str)):
-                object.__setattr__(self, name, _profile(name, getattr(self, name), unit, self.duration))
+                object.__setattr__(self, name, profile(name, getattr(self, name), unit, self.duration))
         if isinstance(self.torque, str):
             choice("torque", self.torque, ("load", "speed-loop"))
         if self.torque == "speed-loop" and self.mechanics == "imposed":
@@ -261,22 +262,3 @@ TUNING = MappingProxyType(
         "T_max": (Origin("assumed", "twice the rated torque"), None),
     }
 )
-
-
-def _profile(name, profile, unit, duration):
-    """Return the profile as a tuple of (time, value), checked."""
-    if np.isscalar(profile) and not isinstance(profile, str):
-        profile = ((0.0, profile),)
-    try:
-        pairs = tuple((time, value) for time, value in profile)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} = {profile!r}: must be a number or a sequence of (time in s, value in {unit})") from None
-    if not pairs or pairs[0][0] != 0:
-        raise ValueError(f"{name} = {profile!r}: must have its first value at 0 s")
-    checked = []
-    for time, value in pairs:
-        time = number(f"{name}'s time", time, "s", at_least=0, at_most=duration)
-        if checked and time <= checked[-1][0]:
-            raise ValueError(f"{name}'s time {time:g} s does not lie above {checked[-1][0]:g} s: must be strictly increasing")
-        checked.append((time, number(f"{name} at {time:g} s", value, unit)))
-    return tuple(checked)

@@ -98,7 +98,7 @@ POINTS = {
     "reverse": (lambda: pmsm_optimum.largest_torque(IPMSM, -1.0, 100.0), ["omega_e = -1.0 rad/s", "at least 0 rad/s"]),
     "loss": (lambda: pmsm_optimum.speed_at_loss(IPMSM, 1.0, -118.9), ["loss = -118.9 W", "above 0 W"]),
     "speed bound": (lambda: pmsm_optimum.speed_at_loss(IPMSM, 1.0, 118.9, omega_max=0.0), ["omega_max = 0.0 rad/s", "above"]),
-    "R_c": (lambda: identification.speed_at_loss(IPMSM, 118.9, [200.0, 0.0], 1.0), ["R_c = 0.0 ohm at index 1", "above 0 ohm"]),
+    "R_c": (lambda: identification.loss_curve(IPMSM, 118.9, [200.0, 0.0], 1.0), ["R_c = 0.0 ohm at index 1", "above 0 ohm"]),
     "one torque": (lambda: identification.largest_iron_resistance(IPMSM, 118.9, [3.0, 5.0], 144.0), ["T_e = [3.0, 5.0]", "real number in N m"]),
     "R_c range": (lambda: identification.largest_iron_resistance(IPMSM, 118.9, 3.0, 144.0, R_c_range=(500.0, 20.0)), ["R_c_range", "500.0 ohm", "increasing"]),
     "R_c range from 0": (lambda: identification.largest_iron_resistance(IPMSM, 118.9, 3.0, 144.0, R_c_range=(0.0, 20.0)), ["R_c_range", "0.0 ohm", "above 0 ohm"]),

@@ -9,7 +9,7 @@ import pytest
 from drivelib.pack import freshness
 
 LAYERS = (
-    {"__init__", "paths", "validation"},
+    {"__init__", "paths", "validation", "profiles"},
     {"machines", "curves", "pmsm", "pmsm_angle", "pmsm_optimum", "circuits", "identification", "metrics", "dfim_machines", "dfim", "dfim_decoupling", "pmsm_dynamics", "transients"},
     {"control", "fuzzy", "fuzzy_facts", "fuzzy_reference", "neural", "levenberg", "training", "networks", "speed_law", "pmsm_law"},
     {"dfim_plant", "pwm", "dfim_loop", "dfim_scenario", "dfim_drive", "pmsm_plant", "pmsm_scenario", "pmsm_loop", "pmsm_drive"},

@@ -176,7 +176,7 @@ def test_at_overload_the_iron_resistance_has_no_bound():
 def test_identified_speeds_have_the_loss_and_the_voltage_that_they_say():
     """For each R_c and torque the speed's least loss, by brute force, is 118.9 W and needs the voltage returned."""
     R_c, T_e = [200.0, 400.0], [1.0, 3.0, 5.06]
-    omega_m, V_s = identification.speed_at_loss(IPMSM, 118.9, R_c, T_e)
+    omega_m, V_s = identification.loss_curve(IPMSM, 118.9, R_c, T_e)
     assert omega_m.shape == V_s.shape == (2, 3)
     for a, resistance in enumerate(R_c):
         for b, load in enumerate(T_e):
@@ -186,5 +186,5 @@ def test_identified_speeds_have_the_loss_and_the_voltage_that_they_say():
             k = points.loss.argmin()
             assert_allclose(points.loss[k], 118.9, rtol=1e-8)
             assert_allclose(abs(points.u[k]), V_s[a, b], rtol=1e-4)
-    assert np.isnan(identification.speed_at_loss(IPMSM, 118.9, [200.0], [30.0])[0]).all(), "copper alone exceeds 118.9 W"
+    assert np.isnan(identification.loss_curve(IPMSM, 118.9, [200.0], [30.0])[0]).all(), "copper alone exceeds 118.9 W"
     assert np.isnan(identification.largest_iron_resistance(IPMSM, 118.9, 30.0, 144.3))
