@@ -65,7 +65,9 @@ class ParameterSet:
         return type(self), tuple({**values, "origins": dict(self.origins)}.values())
 
     def changed(self, **values):
-        """Return a copy with some values changed; their origin becomes "given" unless ``origins`` says otherwise.
+        """Return a copy with some values changed; the origin of what really changes becomes "given".
+
+        ``origins`` names other origins.
 
         Raises
         ------
@@ -76,7 +78,7 @@ class ParameterSet:
         for name in values:
             if name not in known:
                 raise ValueError(f"{name!r} is no {self.KIND}{nearest(name, known)}")
-        kept = {name: origin for name, origin in self.origins.items() if name not in values}
+        kept = {name: origin for name, origin in self.origins.items() if values.get(name, getattr(self, name)) == getattr(self, name)}
         return replace(self, **{**values, "origins": {**kept, **values.get("origins", {})}})
 
     def rows(self):
