@@ -11,7 +11,7 @@ from drivelib.pack import freshness
 LAYERS = (
     {"__init__", "paths", "validation"},
     {"machines", "curves", "pmsm", "pmsm_angle", "pmsm_optimum", "circuits", "identification", "metrics", "dfim_machines", "dfim", "dfim_decoupling"},
-    {"control", "fuzzy", "fuzzy_facts", "fuzzy_reference", "neural", "levenberg", "training", "networks", "speed_law"},
+    {"control", "fuzzy", "fuzzy_facts", "fuzzy_reference", "fuzzy_sets", "neural", "levenberg", "training", "networks", "speed_law"},
     {"dfim_plant", "pwm", "dfim_loop", "dfim_scenario", "dfim_drive", "ann_data"},
     {"ledger", "derivations"},
     {"environment", "bootstrap", "notebook", "plotting", "diagrams", "schemes", "record"},
