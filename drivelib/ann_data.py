@@ -126,6 +126,15 @@ def trained_network(
     return train(error, command, n_hidden, activation=activation, starts=starts, seed=seed, schedule=TOOLBOX, split=split)
 
 
+def mse_history(result):
+    """Return {"train", "validation", "test": mean squared error ((N m)²) per start and epoch} of a training.
+
+    A start that has stopped is NaN from there on.
+    """
+    per_unit = float(result.networks[0].targets.half[0]) ** 2
+    return {name: result.history[f"mse_{name}"] * per_unit for name in result.samples}
+
+
 def network_speed(network, form="position"):
     """Return a trained network as the drive's speed controller (`speed_law.NetworkSpeed`)."""
     W1, B1, W2, B2 = network.folded()

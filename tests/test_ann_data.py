@@ -99,6 +99,16 @@ def test_pi_answer_is_the_recorded_command():
     assert np.max(np.abs(ann_data.pi_answer(error, SHORT) - command)) < 1e-9
 
 
+def test_mse_history_is_the_error_of_the_network_in_newton_metres():
+    result = ann_data.trained_network(SHORT, starts=2, samples=300)
+    error, command = ann_data.pi_data(SHORT, samples=300)
+    for name, curves in ann_data.mse_history(result).items():
+        rows = result.samples[name]
+        for k, network in enumerate(result.networks):
+            missed = network.predict(error[rows, None])[:, 0] - command[rows]
+            assert curves[k, result.best_epoch[k]] == pytest.approx(np.mean(missed**2), rel=1e-9)
+
+
 def straight(slope, activation, offset=0.0):
     """A network whose hidden neurons stay almost straight: u = slope e + offset to 1e-5 for |e| below 10."""
     small = {"logistic": 4e-4, "tanh": 1e-4}[activation]

@@ -14,7 +14,7 @@ LAYERS = (
     {"control", "fuzzy", "fuzzy_facts", "fuzzy_reference", "fuzzy_sets", "neural", "levenberg", "training", "networks", "speed_law"},
     {"dfim_plant", "pwm", "dfim_loop", "dfim_scenario", "dfim_drive", "ann_data"},
     {"ledger", "derivations"},
-    {"environment", "bootstrap", "notebook", "plotting", "diagrams", "schemes", "record"},
+    {"environment", "bootstrap", "notebook", "plotting", "diagrams", "network_diagram", "schemes", "record"},
     {"pack/__init__", "pack/freshness", "pack/worker", "pack/runner", "pack/check", "pack/report", "pack/difference", "pack/commands", "__main__"},
 )
 FILES = sorted(path.relative_to(freshness.PACKAGE).with_suffix("").as_posix() for path in freshness.PACKAGE.rglob("*.py"))
