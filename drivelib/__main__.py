@@ -30,12 +30,13 @@ def main(arguments=None):
     claims.add_argument("--verdict", help="claims with this verdict only")
     clean = commands.add_parser("clean-notebooks", help="bring notebooks that were saved by hand into the committed form")
     clean.add_argument("items", nargs="*", metavar="ID")
-    commands.add_parser("lab", help="JupyterLab with the runner's environment")
+    lab = commands.add_parser("lab", help="JupyterLab with the runner's environment; arguments go to JupyterLab", add_help=False)
+    lab.add_argument("rest", nargs=argparse.REMAINDER)
     test = commands.add_parser("test", help="pytest with the runner's environment; arguments go to pytest", add_help=False)
     test.add_argument("rest", nargs=argparse.REMAINDER)
 
     options, rest = parser.parse_known_args(arguments)
-    if rest and options.command != "test":
+    if rest and options.command not in ("lab", "test"):
         parser.error(f"unknown arguments: {' '.join(rest)}")
     if options.command in ("lab", "test"):
         return _replace(options, rest)
@@ -72,8 +73,8 @@ def _replace(options, rest):
     """Become JupyterLab or pytest: the pins must be set before Python starts."""
     from drivelib import environment, paths
 
-    module = ["jupyterlab", paths.root() / "notebooks"] if options.command == "lab" else ["pytest", *options.rest, *rest]
-    command = [sys.executable, "-m", *map(str, module)]
+    module = ["jupyterlab", paths.root() / "notebooks"] if options.command == "lab" else ["pytest"]
+    command = [sys.executable, "-m", *map(str, module), *options.rest, *rest]
     environment_ = environment.pinned()
     if os.name == "nt":  # no exec that waits
         import subprocess
