@@ -13,7 +13,7 @@ TEXTS = ("README.md", "CONTRIBUTING.md")
 def test_every_command_is_known(repository, name):
     text = (repository / name).read_text()
     helped = subprocess.run([sys.executable, "-m", "drivelib", "--help"], capture_output=True, text=True, check=True).stdout
-    known = set(re.findall(r"^    ([a-z-]+) ", helped, re.MULTILINE))
+    known = set(re.findall(r"^    ([a-z-]+)\b", helped, re.MULTILINE))
     named = set(re.findall(r"-m drivelib ([a-z-]+)", text))
     assert named and named <= known
 
