@@ -30,15 +30,13 @@ def main(arguments=None):
     claims.add_argument("--verdict", help="claims with this verdict only")
     clean = commands.add_parser("clean-notebooks", help="bring notebooks that were saved by hand into the committed form")
     clean.add_argument("items", nargs="*", metavar="ID")
-    commands.add_parser("lab", help="JupyterLab with the runner's environment")
-    test = commands.add_parser("test", help="pytest with the runner's environment; arguments go to pytest", add_help=False)
-    test.add_argument("rest", nargs=argparse.REMAINDER)
+    commands.add_parser("lab", help="JupyterLab with the runner's environment; all arguments go to JupyterLab")
+    commands.add_parser("test", help="pytest with the runner's environment; all arguments go to pytest")
 
-    options, rest = parser.parse_known_args(arguments)
-    if rest and options.command != "test":
-        parser.error(f"unknown arguments: {' '.join(rest)}")
-    if options.command in ("lab", "test"):
-        return _replace(options, rest)
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments[:1] in (["lab"], ["test"]):
+        return _replace(*arguments)
+    options = parser.parse_args(arguments)
     from drivelib.pack import commands as implementation
 
     try:
@@ -68,12 +66,12 @@ def parse_parameter(text):
         return name, value
 
 
-def _replace(options, rest):
+def _replace(command, *rest):
     """Become JupyterLab or pytest: the pins must be set before Python starts."""
     from drivelib import environment, paths
 
-    module = ["jupyterlab", paths.root() / "notebooks"] if options.command == "lab" else ["pytest", *options.rest, *rest]
-    command = [sys.executable, "-m", *map(str, module)]
+    module = ["jupyterlab", paths.root() / "notebooks"] if command == "lab" else ["pytest"]
+    command = [sys.executable, "-m", *map(str, module), *rest]
     environment_ = environment.pinned()
     if os.name == "nt":  # no exec that waits
         import subprocess

@@ -39,7 +39,8 @@ def pmsm_circuit(axis):
 
 
 def solve(machine, omega_e, V_d, V_q):
-    """Solve both netlists by modified nodal analysis; return {name: value} of all currents (A) and node voltages (V).
+    """Solve both netlists by modified nodal analysis; return {name: value} of the currents (A) at the
+    terminals and in the emf branch, and of the voltage (V) across that branch.
 
     Unknown are each axis' node voltages and the currents of its source and emf. The emf couples the axes
     through the branch currents: E_d = −ω L_q i_oq, E_q = ω (λ + L_d i_od).
@@ -48,7 +49,7 @@ def solve(machine, omega_e, V_d, V_q):
     unknowns = [(axis, name) for axis in "dq" for name in ("terminal", "gap", "I_V", "I_E")]
     index = {key: row for row, key in enumerate(unknowns)}
     matrix, right = np.zeros((8, 8)), np.zeros(8)
-    values = {"R_s": machine.R_s, "R_c": machine.R_c}
+    values = {"R_s": number("R_s", machine.R_s, "ohm", above=0), "R_c": machine.R_c}
     for axis, voltage in (("d", V_d), ("q", V_q)):
         for element in pmsm_circuit(axis):
             ends = [(index[axis, node], sign) for node, sign in ((element.start, 1), (element.end, -1)) if node != GROUND]

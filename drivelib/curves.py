@@ -15,7 +15,7 @@ def interior_minima(values):
     ValueError
         If fewer than three points are given or one is not finite.
     """
-    values = array("values", values)
+    values = np.atleast_1d(array("values", values))
     if values.shape[-1] < 3:
         raise ValueError(f"values has {values.shape[-1]} points: at least 3 are needed")
     sign = np.sign(np.diff(values, axis=-1))
@@ -28,10 +28,19 @@ def interior_minima(values):
 def last_below(function, limit, low, high, *, steps=60):
     """Return the largest x in [low, high] with function(x) ≤ limit, for a rising function, by bisection.
 
-    Arrays broadcast. NaN where the function exceeds the limit already at ``low``; ``high`` where it never does.
+    Arrays broadcast. NaN where the function exceeds the limit already at ``low``; ``high`` where it never does,
+    also for an infinite limit; NaN for a limit that is NaN.
+
+    Raises
+    ------
+    ValueError
+        If ``low`` exceeds ``high`` or one of them is not finite.
     """
     number("steps", steps, "", at_least=1, whole=True)
+    low, high = array("low", low), array("high", high)
     low, high, limit = (np.array(values, dtype=float) for values in np.broadcast_arrays(low, high, limit))
+    if np.any(low > high):
+        raise ValueError(f"low = {low[low > high].flat[0]:g} lies above high = {high[low > high].flat[0]:g}: must be at most high")
     never, start = function(high) <= limit, function(low) <= limit
     top = high.copy()
     for _ in range(steps):

@@ -103,7 +103,7 @@ def is_homogeneous(expression, dimension):
 
 
 def rated_point(machine):
-    """Return values for all symbols: the machine at rated torque and speed with i_od = −1 A, consistent among themselves."""
+    """Return values for all symbols: the machine at rated torque and speed with i_od = −1 A; electrically consistent, load and acceleration free."""
     exact = {name: sp.Rational(str(getattr(machine, name))) for name in ("R_s", "R_c", "L_d", "L_q", "psi_f", "P", "J")}
     omega_m, torque, direct = sp.Rational(str(machine.omega_m_rated)), sp.Rational(str(round(machine.T_rated, 3))), sp.Integer(-1)
     omega = exact["P"] * omega_m

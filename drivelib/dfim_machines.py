@@ -1,10 +1,11 @@
 """Parameter sets of doubly fed induction motors for Zidani's drive, each value with its origin."""
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import ClassVar
 
-from drivelib.machines import GIVEN, Origin
-from drivelib.validation import nearest, number
+from drivelib.machines import Origin, ParameterSet
+from drivelib.validation import number
 
 DFIM_UNITS = MappingProxyType(
     {
@@ -23,7 +24,7 @@ DFIM_UNITS = MappingProxyType(
 
 
 @dataclass(frozen=True)
-class DfimParameters:
+class DfimParameters(ParameterSet):
     """Doubly fed induction motor, rotor quantities referred to the stator, amplitude-invariant.
 
     Parameters
@@ -53,6 +54,9 @@ class DfimParameters:
         If a value is not finite or outside its physical range, or if L_s L_r ≤ M².
     """
 
+    UNITS: ClassVar = DFIM_UNITS
+    KIND: ClassVar = "parameter of a DFIM"
+
     R_s: float
     R_r: float
     L_s: float
@@ -81,41 +85,12 @@ class DfimParameters:
                 f"M = {self.M} H: must be below sqrt(L_s L_r) = {(self.L_s * self.L_r) ** 0.5:.6g} H, "
                 "or the leakage coefficient is not positive"
             )
-        unknown = set(self.origins) - set(DFIM_UNITS)
-        if unknown:
-            first = sorted(unknown)[0]
-            raise ValueError(f"origins names {first!r}, which is no parameter of a DFIM{nearest(first, DFIM_UNITS)}")
-        origins = {parameter: self.origins.get(parameter, GIVEN) for parameter in DFIM_UNITS}
-        object.__setattr__(self, "origins", MappingProxyType(origins))
+        self._take_origins()
 
     @property
     def sigma(self):
         """Leakage coefficient 1 − M²/(L_s L_r)."""
         return 1.0 - self.M**2 / (self.L_s * self.L_r)
-
-    def changed(self, **values):
-        """Return a copy with some values changed; their origin becomes "given".
-
-        Raises
-        ------
-        ValueError
-            If a name is unknown (the nearest is suggested) or a value is out of range.
-        """
-        known = [item.name for item in fields(self)]
-        for parameter in values:
-            if parameter not in known:
-                raise ValueError(f"{parameter!r} is no parameter of a DFIM{nearest(parameter, known)}")
-        origins = {parameter: origin for parameter, origin in self.origins.items() if parameter not in values}
-        return replace(self, **{"origins": origins, **values})
-
-    def rows(self):
-        """Return one row per value: (name, value, unit, class of origin, note with range)."""
-        rows = []
-        for parameter, unit in DFIM_UNITS.items():
-            origin = self.origins[parameter]
-            span = f" (range {origin.low:g} to {origin.high:g})" if origin.low is not None else ""
-            rows.append((parameter, getattr(self, parameter), unit, origin.kind, origin.note + span))
-        return rows
 
 
 _PUBLIC = "github.com/yousfi26/Matlab-Simulink-codes at 3b73e12, script_param.m"

@@ -1,13 +1,15 @@
 """What one run of the doubly fed drive assumes: everything that Zidani's paper does not print, in one place."""
 
 import math
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import ClassVar
 
 from drivelib import control
 from drivelib.dfim_machines import DFIM_4KW, DfimParameters
-from drivelib.machines import GIVEN, Origin
-from drivelib.validation import choice, nearest, number
+from drivelib.machines import Origin, ParameterSet
+from drivelib.profiles import profile
+from drivelib.validation import choice, number
 
 FLUX_ESTIMATORS = ("current model", "rotor voltage model")
 STARTS = ("magnetised", "at rest")
@@ -32,10 +34,19 @@ SCENARIO_UNITS = MappingProxyType(
         "carrier_frequency": "Hz",
     }
 )
+_MAY_VANISH = ("orientation_bandwidth", "estimator_corner")
+_CHOICES = {
+    "frequency_law": tuple(control.FREQUENCY_LAWS),
+    "flux_estimator": FLUX_ESTIMATORS,
+    "inverter": INVERTERS,
+    "start": STARTS,
+}
+_PROFILES = {"speed_reference": "rad/s", "load_torque": "N m", "rotor_resistance": "1"}
+_UNITS = MappingProxyType({"machine": "", **SCENARIO_UNITS, **dict.fromkeys(_CHOICES, ""), **_PROFILES})
 
 
 @dataclass(frozen=True)
-class Scenario:
+class Scenario(ParameterSet):
     """One drive, its settings and its load cycle.
 
     Parameters
@@ -82,6 +93,9 @@ class Scenario:
         If a value is out of range, naming it, its unit and range.
     """
 
+    UNITS: ClassVar = _UNITS
+    KIND: ClassVar = "value of a scenario"
+
     name: str = "user's scenario"
     machine: DfimParameters = DFIM_4KW
     controller_machine: DfimParameters | None = None
@@ -121,7 +135,7 @@ class Scenario:
             number("R_s", machine.R_s, "ohm", above=0), number("R_r", machine.R_r, "ohm", above=0)
         number("duration", self.duration, "s", at_least=self.period)
         for parameter, unit in _PROFILES.items():
-            object.__setattr__(self, parameter, _profile(parameter, getattr(self, parameter), unit, self.duration))
+            object.__setattr__(self, parameter, profile(parameter, getattr(self, parameter), unit, self.duration))
         for time, factor in self.rotor_resistance:
             number(f"rotor_resistance at {time:g} s", factor, above=0)
         fast = self.current_bandwidth + self.orientation_bandwidth
@@ -130,11 +144,7 @@ class Scenario:
                 f"current_bandwidth + orientation_bandwidth = {fast:g} rad/s: must be at most 0.5/period = {0.5 / self.period:g} rad/s, "
                 "or the sampled loops ring"
             )
-        known = {**SCENARIO_UNITS, **_CHOICES, **_PROFILES, "machine": ""}
-        for name in self.origins:
-            if name not in known:
-                raise ValueError(f"origins names {name!r}, which is no value of a scenario{nearest(name, known)}")
-        object.__setattr__(self, "origins", MappingProxyType(dict(self.origins)))
+        self._take_origins()
 
     @property
     def known_machine(self):
@@ -155,58 +165,6 @@ class Scenario:
     def speed_gains(self):
         """PiGains of the speed loop by pole placement, with the inertia and friction that the controller knows."""
         return control.speed_gains(self.known_machine.J, self.known_machine.f, self.omega_n, self.xi)
-
-    def changed(self, **values):
-        """Return a copy with some values changed; their origin becomes "given".
-
-        Raises
-        ------
-        ValueError
-            If a name is unknown (the nearest is suggested) or a value is out of range.
-        """
-        names = [item.name for item in fields(self)]
-        for parameter in values:
-            if parameter not in names:
-                raise ValueError(f"{parameter!r} is no value of a scenario{nearest(parameter, names)}")
-        origins = {name: origin for name, origin in self.origins.items() if name not in values}
-        return replace(self, **{"origins": origins, **values})
-
-    def rows(self):
-        """Return one row per value: (name, value, unit, class of origin, note with range)."""
-        rows = []
-        for name, unit in {"machine": "", **SCENARIO_UNITS, **dict.fromkeys(_CHOICES, ""), **_PROFILES}.items():
-            origin = self.origins.get(name, GIVEN)
-            span = f" (range {origin.low:g} to {origin.high:g})" if origin.low is not None else ""
-            value = self.machine.name if name == "machine" else getattr(self, name)
-            rows.append((name, value, unit, origin.kind, origin.note + span))
-        return rows
-
-
-_MAY_VANISH = ("orientation_bandwidth", "estimator_corner")
-_CHOICES = {
-    "frequency_law": tuple(control.FREQUENCY_LAWS),
-    "flux_estimator": FLUX_ESTIMATORS,
-    "inverter": INVERTERS,
-    "start": STARTS,
-}
-_PROFILES = {"speed_reference": "rad/s", "load_torque": "N m", "rotor_resistance": "1"}
-
-
-def _profile(name, profile, unit, duration):
-    """Return the profile as a tuple of (time, value), checked."""
-    try:
-        pairs = tuple((time, value) for time, value in profile)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} = {profile!r}: must be a sequence of (time in s, value in {unit})") from None
-    if not pairs or pairs[0][0] != 0:
-        raise ValueError(f"{name} = {profile!r}: must have its first value at 0 s")
-    checked = []
-    for time, value in pairs:
-        time = number(f"{name}'s time", time, "s", at_least=0, at_most=duration)
-        if checked and time <= checked[-1][0]:
-            raise ValueError(f"{name}'s time {time:g} s does not lie above {checked[-1][0]:g} s: must be strictly increasing")
-        checked.append((time, number(f"{name} at {time:g} s", value, unit)))
-    return tuple(checked)
 
 
 _PUBLIC = "the public model of the 4 kW set"

@@ -4,10 +4,10 @@ import numpy as np
 from scipy.optimize import brentq
 
 from drivelib import pmsm_optimum
-from drivelib.validation import array, number
+from drivelib.validation import array, grid, number
 
 
-def speed_at_loss(machine, loss, R_c, T_e, *, model="simplified", convention="paper"):
+def loss_curve(machine, loss, R_c, T_e, *, model="simplified", convention="paper"):
     """Return (ω_m, V_s) (rad/s, V) at which the least loss equals ``loss`` (W), for each R_c and torque.
 
     Parameters
@@ -35,13 +35,17 @@ def speed_at_loss(machine, loss, R_c, T_e, *, model="simplified", convention="pa
 def largest_iron_resistance(machine, loss, T_e, V_max, *, model="simplified", R_c_range=(20.0, 5000.0)):
     """Return the R_c (ohm) up to which ``loss`` (W) is a least loss inside ``V_max`` (V) at one torque.
 
-    A larger R_c needs a higher speed for the same loss, and with it more voltage. NaN where the loss is
-    exceeded at standstill, infinity where the voltage suffices up to the end of the range.
+    A larger R_c needs a higher speed for the same loss, and with it more voltage. The loss is the paper's,
+    without 3/2. Infinity where the voltage suffices up to the end of the range; NaN where it does not even
+    suffice at its start, or where at either end no speed has this loss.
     """
     number("V_max", V_max, "V", above=0)
+    T_e = number("T_e", T_e, "N m")
+    R_c_range = grid("R_c_range", R_c_range, "ohm")[[0, -1]]
+    number("R_c_range[0]", R_c_range[0], "ohm", above=0)
 
     def excess(R_c):
-        return float(speed_at_loss(machine, loss, R_c, T_e, model=model)[1][0, 0]) - V_max
+        return float(loss_curve(machine, loss, R_c, T_e, model=model)[1][0, 0]) - V_max
 
     ends = excess(R_c_range[0]), excess(R_c_range[1])
     if np.isnan(ends).any():

@@ -87,7 +87,7 @@ class Item:
 
 @dataclass(frozen=True)
 class Paper:
-    """One paper's ledger."""
+    """One paper's ledger. ``findings`` are sentences with ``{stem[number]:format}`` in place of every number."""
 
     id: str
     citation: str
@@ -95,6 +95,7 @@ class Paper:
     claims: dict[str, Claim]
     assumptions: dict[str, str]
     expected: dict[str, tuple[str, str]]
+    findings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -197,7 +198,8 @@ def load(path):
         if "expected_verdict" in entry:
             verdict = choice(f"{path.name}, claim {claim.id}: expected_verdict", entry["expected_verdict"], VERDICTS)
             expected[claim.id] = (verdict, entry.get("expected_reason", ""))
-    return Paper(paper, raw.get("citation", ""), items, claims, raw.get("assumptions", {}), expected)
+    findings = tuple(raw.get("findings", ()))
+    return Paper(paper, raw.get("citation", ""), items, claims, raw.get("assumptions", {}), expected, findings)
 
 
 def claims_of(item_id):

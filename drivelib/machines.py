@@ -7,6 +7,7 @@ and free parameters stated), given (by the user).
 
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
+from typing import ClassVar
 
 from drivelib.validation import choice, nearest, number
 
@@ -15,7 +16,13 @@ ORIGINS = ("printed", "found", "inferred", "assumed", "identified", "given")
 
 @dataclass(frozen=True)
 class Origin:
-    """Where one value comes from: its class, a note, and for open values the range to study."""
+    """Where one value comes from: its class, a note, and for open values the range to study.
+
+    Raises
+    ------
+    ValueError
+        If the class is unknown, or the range has one end only or its ends in the wrong order.
+    """
 
     kind: str
     note: str = ""
@@ -24,13 +31,86 @@ class Origin:
 
     def __post_init__(self):
         choice("kind", self.kind, ORIGINS)
+        if (self.low is None) != (self.high is None):
+            raise ValueError(f"low = {self.low}, high = {self.high}: a range needs both ends, or none")
+        if self.low is not None:
+            number("high", self.high, at_least=number("low", self.low))
 
 
 GIVEN = Origin("given", "by the user")
 
 
+class ParameterSet:
+    """Base of the frozen parameter sets: origins, changed copies, table rows, and travel to another process.
+
+    A subclass is a frozen dataclass with a field ``origins``; ``UNITS`` maps its values to their units and
+    ``KIND`` says in messages what a value is.
+    """
+
+    UNITS: ClassVar[dict] = {}
+    KIND: ClassVar[str] = "parameter"
+
+    def _take_origins(self):
+        """Check the origins and complete them: a value without one was given by the user."""
+        for name, origin in self.origins.items():
+            if name not in self.UNITS:
+                raise ValueError(f"origins names {name!r}, which is no {self.KIND}{nearest(name, self.UNITS)}")
+            if not isinstance(origin, Origin):
+                raise ValueError(f"origins[{name!r}] = {origin!r}: must be an Origin, of a class among {', '.join(ORIGINS)}")
+        origins = {name: self.origins.get(name, GIVEN) for name in self.UNITS}
+        object.__setattr__(self, "origins", MappingProxyType(origins))
+
+    def __reduce__(self):
+        values = {item.name: getattr(self, item.name) for item in fields(self)}  # a mappingproxy cannot be pickled
+        return type(self), tuple({**values, "origins": dict(self.origins)}.values())
+
+    def changed(self, **values):
+        """Return a copy with some values changed; the origin of what really changes becomes "given".
+
+        ``origins`` names other origins.
+
+        Raises
+        ------
+        ValueError
+            If a name is unknown (the nearest is suggested) or a value is out of range.
+        """
+        known = [item.name for item in fields(self)]
+        for name in values:
+            if name not in known:
+                raise ValueError(f"{name!r} is no {self.KIND}{nearest(name, known)}")
+        kept = {name: origin for name, origin in self.origins.items() if values.get(name, getattr(self, name)) == getattr(self, name)}
+        return replace(self, **{**values, "origins": {**kept, **values.get("origins", {})}})
+
+    def rows(self):
+        """Return one row per value: (name, value, unit, class of origin, note with range)."""
+        rows = []
+        for name, unit in self.UNITS.items():
+            origin = self.origins[name]
+            span = f" (range {origin.low:g} to {origin.high:g})" if origin.low is not None else ""
+            value = getattr(self, name)
+            rows.append((name, getattr(value, "name", value), unit, origin.kind, origin.note + span))
+        return rows
+
+
+PMSM_UNITS = MappingProxyType(
+    {
+        "R_s": "ohm",
+        "L_d": "H",
+        "L_q": "H",
+        "psi_f": "Wb",
+        "P": "",
+        "V_dc": "V",
+        "R_c": "ohm",
+        "J": "kg m²",
+        "B": "N m s",
+        "omega_m_rated": "rad/s",
+        "T_rated": "N m",
+    }
+)
+
+
 @dataclass(frozen=True)
-class PmsmParameters:
+class PmsmParameters(ParameterSet):
     """Permanent-magnet synchronous machine in the rotor frame, amplitude-invariant.
 
     Parameters
@@ -64,6 +144,9 @@ class PmsmParameters:
         If a value is not finite or outside its physical range.
     """
 
+    UNITS: ClassVar = PMSM_UNITS
+    KIND: ClassVar = "parameter of a PMSM"
+
     R_s: float
     L_d: float
     L_q: float
@@ -88,12 +171,7 @@ class PmsmParameters:
             else:
                 checked = number(parameter, value, unit, above=0)
             object.__setattr__(self, parameter, checked)
-        unknown = set(self.origins) - set(PMSM_UNITS)
-        if unknown:
-            first = sorted(unknown)[0]
-            raise ValueError(f"origins names {first!r}, which is no parameter of a PMSM{nearest(first, PMSM_UNITS)}")
-        origins = {parameter: self.origins.get(parameter, GIVEN) for parameter in PMSM_UNITS}
-        object.__setattr__(self, "origins", MappingProxyType(origins))
+        self._take_origins()
 
     @property
     def delta_L(self):
@@ -105,46 +183,6 @@ class PmsmParameters:
         """Rated electrical speed P ω_m (rad/s)."""
         return self.P * self.omega_m_rated
 
-    def changed(self, **values):
-        """Return a copy with some values changed; their origin becomes "given".
-
-        Raises
-        ------
-        ValueError
-            If a name is unknown (the nearest is suggested) or a value is out of range.
-        """
-        known = [item.name for item in fields(self)]
-        for parameter in values:
-            if parameter not in known:
-                raise ValueError(f"{parameter!r} is no parameter of a PMSM{nearest(parameter, known)}")
-        origins = {parameter: origin for parameter, origin in self.origins.items() if parameter not in values}
-        return replace(self, origins=origins, **values)
-
-    def rows(self):
-        """Return one row per value: (name, value, unit, class of origin, note with range)."""
-        rows = []
-        for parameter, unit in PMSM_UNITS.items():
-            origin = self.origins[parameter]
-            span = f" (range {origin.low:g} to {origin.high:g})" if origin.low is not None else ""
-            rows.append((parameter, getattr(self, parameter), unit, origin.kind, origin.note + span))
-        return rows
-
-
-PMSM_UNITS = MappingProxyType(
-    {
-        "R_s": "ohm",
-        "L_d": "H",
-        "L_q": "H",
-        "psi_f": "Wb",
-        "P": "",
-        "V_dc": "V",
-        "R_c": "ohm",
-        "J": "kg m²",
-        "B": "N m s",
-        "omega_m_rated": "rad/s",
-        "T_rated": "N m",
-    }
-)
 
 _APPENDIX = Origin("printed", "Eskander 2002, appendix")
 _POLES = Origin("printed", "Eskander 2002, appendix, as 2P poles")

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivelib import pmsm_angle, pmsm_optimum
+from drivelib.pmsm_law import NetworkLaw
 from drivelib.validation import grid, number
 
 
@@ -54,6 +55,11 @@ def nn_a_data(machine, omega_m, T_e):
     speed, torque = _mesh(("omega_m", omega_m, "rad/s"), ("T_e", T_e, "N m"))
     phi = pmsm_angle.inverter_angle(machine, machine.P * speed, torque / (1.5 * machine.P * machine.psi_f))
     return TrainingData(np.column_stack([speed, torque]), phi[:, None], ("omega_r", "T_L"), ("phi",))
+
+
+def as_law(network):
+    """Return a trained network as the law of a drive loop (`pmsm_law.NetworkLaw`), with its training range."""
+    return NetworkLaw(*network.folded(), low=network.inputs.low, high=network.inputs.high)
 
 
 def sse_goal(data, rms_percent):

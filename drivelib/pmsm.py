@@ -64,11 +64,14 @@ def branch_currents_at_voltage(machine, omega_e, V_s, phi, *, model="full"):
     V_q = V_s cos φ and V_d = −V_s sin φ as in (17)-(18), solved for the currents with (1)-(2).
     """
     omega_e, V_s, phi = _operating_point(omega_e, V_s, phi, names=("omega_e", "V_s", "phi"), units=("rad/s", "V", "rad"))
+    array("V_s", V_s, "V", at_least=0)
     scale = 1 + machine.R_s * terminal_conductance(machine, model)
     reactance_d, reactance_q = scale * omega_e * machine.L_d, scale * omega_e * machine.L_q
     free_q = V_s * np.cos(phi) - scale * omega_e * machine.psi_f
     V_d = -V_s * np.sin(phi)
     determinant = machine.R_s**2 + reactance_d * reactance_q
+    if np.any(determinant == 0):
+        raise ValueError("R_s = 0 ohm at omega_e = 0 rad/s: nothing limits the current, so no voltage determines it")
     i_od = (machine.R_s * V_d + reactance_q * free_q) / determinant
     i_oq = (machine.R_s * free_q - reactance_d * V_d) / determinant
     return i_od, i_oq
@@ -119,14 +122,14 @@ def energy_balance(machine, omega_e, i_od, i_oq, *, model="full", convention="co
     Zero in the full model with the consistent convention; elsewhere it is what that simplification
     or convention leaves out.
     """
-    shaft = torque(machine, i_od, i_oq) * np.asarray(omega_e) / machine.P
+    shaft = torque(machine, i_od, i_oq) * array("omega_e", omega_e, "rad/s") / machine.P
     loss = total_loss(machine, omega_e, i_od, i_oq, model=model, convention=convention)
     return input_power(machine, omega_e, i_od, i_oq, model=model) - shaft - loss
 
 
 def efficiency(machine, omega_e, i_od, i_oq, *, model="full", convention="consistent"):
     """Return shaft power over shaft power plus losses (1), for motoring points; NaN elsewhere."""
-    shaft = torque(machine, i_od, i_oq) * np.asarray(omega_e) / machine.P
+    shaft = torque(machine, i_od, i_oq) * array("omega_e", omega_e, "rad/s") / machine.P
     loss = total_loss(machine, omega_e, i_od, i_oq, model=model, convention=convention)
     return np.where(shaft > 0, shaft / np.where(shaft > 0, shaft + loss, 1), np.nan)
 
@@ -187,7 +190,7 @@ def _torque_flux(machine, i_od):
     if np.any(flux <= 0):
         limit = -machine.psi_f / machine.delta_L
         raise ValueError(
-            f"i_od = {np.max(np.abs(i_od)):g} A: λ + (L_d − L_q) i_od must be positive, so i_od must stay "
+            f"i_od = {i_od[flux <= 0].flat[0]:g} A: λ + (L_d − L_q) i_od must be positive, so i_od must stay "
             f"{'below' if machine.delta_L < 0 else 'above'} {limit:.4g} A"
         )
     return flux

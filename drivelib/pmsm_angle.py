@@ -1,12 +1,13 @@
 """Operation by the inverter's angle φ: Eskander 2002, section 6, with V_q = V_s cos φ and V_d = −V_s sin φ.
 
-Section 6 neglects the iron current in the voltages, and so does this module.
+Section 6 neglects the iron current in the voltages, and so does this module. It drives forward: where (20) or
+its inverse is meant, negative speed, current, torque or angle is refused; `angle_of` takes any point.
 """
 
 import numpy as np
 
 from drivelib import pmsm
-from drivelib.validation import array
+from drivelib.validation import array, number
 
 
 def inverter_angle(machine, omega_e, i_oq):
@@ -36,14 +37,14 @@ def zero_angle(machine, omega_e, *, V_s=None, current=None, T_e=None):
     Raises
     ------
     ValueError
-        Unless exactly one of the three is given.
+        Unless exactly one of the three is given, speed, current and torque are not negative, and R_s is not zero.
     """
     given = {"V_s": V_s, "current": current, "T_e": T_e}
     names = [name for name, value in given.items() if value is not None]
     if len(names) != 1:
         raise ValueError(f"give exactly one of V_s, current, T_e; got {', '.join(names) or 'none'}")
     omega_e = array("omega_e", omega_e, "rad/s", at_least=0)
-    r = omega_e * machine.L_q / machine.R_s
+    r = omega_e * machine.L_q / number("R_s", machine.R_s, "ohm", above=0)
     if V_s is not None:
         return pmsm.branch_currents_at_voltage(machine, omega_e, V_s, 0.0, model="simplified")
     if current is not None:

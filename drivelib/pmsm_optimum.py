@@ -161,9 +161,11 @@ def optimal_i_od_as_printed(machine, omega_e, T_e):
 def largest_torque(machine, omega_e, V_max, *, model="full", T_max=1e3):
     """Return the largest torque (N m) that some current reaches inside ``V_max`` (V, peak), by bisection.
 
-    ``T_max`` (N m) bounds the search; NaN where the magnet's emf alone cannot be weakened below ``V_max``.
+    Motoring: the speed is not negative. ``T_max`` (N m) bounds the search; NaN where the magnet's emf alone
+    cannot be weakened below ``V_max``.
     """
-    omega_e = array("omega_e", omega_e, "rad/s")
+    omega_e = array("omega_e", omega_e, "rad/s", at_least=0)  # braking, a little torque needs less voltage than none
+    number("T_max", T_max, "N m", above=0)
     number("V_max", V_max, "V", above=0)
     return last_below(lambda T_e: least_voltage(machine, omega_e, T_e, model=model)[0], V_max, np.zeros(omega_e.shape), T_max)
 
@@ -171,10 +173,12 @@ def largest_torque(machine, omega_e, V_max, *, model="full", T_max=1e3):
 def speed_at_loss(machine, T_e, loss, *, model="full", convention="consistent", omega_max=1e4):
     """Return the electrical speed (rad/s) at which the least loss equals ``loss`` (W), by bisection.
 
-    The least loss rises with speed. NaN where it exceeds ``loss`` at standstill or stays below it up to
+    The least loss rises with speed when motoring; when braking the full model's falls first, and the speed
+    returned is the higher one. NaN where the loss exceeds ``loss`` at standstill or stays below it up to
     ``omega_max`` (rad/s).
     """
     T_e = array("T_e", T_e, "N m")
+    number("omega_max", omega_max, "rad/s", above=1e-6)
     number("loss", loss, "W", above=0)
 
     def least(omega_e):

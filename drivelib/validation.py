@@ -14,8 +14,8 @@ def number(name, value, unit="", *, above=None, at_least=None, at_most=None, who
         Naming the parameter, its value, unit and allowed range.
     """
     limits = _limits(above, at_least, at_most, unit)
-    if isinstance(value, bool) or not np.isscalar(value) or not np.isreal(value):
-        raise ValueError(f"{name} = {value!r}: must be a real number{limits}")
+    if isinstance(value, bool | np.bool_) or not np.isscalar(value) or not np.isreal(value):
+        raise ValueError(f"{name} = {value!r}: must be a real number{limits or _in(unit)}")
     bad = not np.isfinite(value) or _outside(value, above, at_least, at_most)
     if bad or (whole and value != int(value)):
         raise ValueError(f"{name} = {value}{_space(unit)}: must be a finite {'whole ' if whole else ''}number{limits}")
@@ -30,13 +30,13 @@ def array(name, value, unit="", *, above=None, at_least=None, at_most=None):
     ValueError
         Naming the parameter, the first offending element, unit and allowed range.
     """
-    values = np.asarray(value, dtype=float)
+    values = _real(name, value, unit)
     bad = ~np.isfinite(values) | _outside(values, above, at_least, at_most)
     if np.any(bad):
         index = tuple(int(i) for i in np.argwhere(bad)[0])
         where = f" at index {index[0] if len(index) == 1 else index}" if index else ""
         raise ValueError(
-            f"{name} = {values[index]}{_space(unit)}{where}: must be finite{_limits(above, at_least, at_most, unit)}"
+            f"{name} = {values[index]}{_space(unit)}{where}: must be finite{_and(_limits(above, at_least, at_most, unit))}"
         )
     return values
 
@@ -49,7 +49,7 @@ def grid(name, value, unit="s"):
     ValueError
         If it is empty, too short, not finite or not sorted.
     """
-    values = np.asarray(value, dtype=float)
+    values = _real(name, value, unit)
     if values.ndim != 1 or values.size < 2:
         raise ValueError(f"{name} has shape {values.shape}: must be a one-dimensional grid of at least two values in {unit}")
     array(name, values, unit)
@@ -82,6 +82,13 @@ def nearest(name, known):
     return f". Did you mean {' or '.join(close)}?" if close else ""
 
 
+def _real(name, value, unit):
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} = {value!r}: must be a real number or an array of them{_in(unit)}") from None
+
+
 def _outside(value, above, at_least, at_most):
     outside = np.zeros(np.shape(value), dtype=bool)
     if above is not None:
@@ -102,6 +109,14 @@ def _limits(above, at_least, at_most, unit):
     if at_most is not None:
         parts.append(f"at most {at_most:g}{_space(unit)}")
     return " " + " and ".join(parts) if parts else ""
+
+
+def _and(limits):
+    return f" and{limits}" if limits else ""
+
+
+def _in(unit):
+    return f" in {unit}" if unit else ""
 
 
 def _space(unit):

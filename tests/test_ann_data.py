@@ -6,6 +6,7 @@ import pytest
 from drivelib import ann_data
 from drivelib.dfim_drive import simulate
 from drivelib.dfim_scenario import DEFAULT_SCENARIO
+from drivelib.neural import Network, Range
 
 SHORT = DEFAULT_SCENARIO.changed(
     duration=1.0, speed_reference=((0.0, 20.0),), load_torque=((0.0, 0.0), (0.6, 10.0))
@@ -71,3 +72,95 @@ def test_network_in_the_loop_is_the_network_that_was_trained():
 def test_bad_input_is_refused(arguments, message):
     with pytest.raises(ValueError, match=message):
         ann_data.pi_data(SHORT, **arguments)
+
+
+def test_floor_is_the_variance_of_the_noise_and_share_follows():
+    """Command 3 e plus noise of variance 4: classes of width w add the map's slope, (3 w)²/12."""
+    rng = np.random.default_rng(1)
+    error = rng.uniform(-10, 10, 200_000)
+    command = 3.0 * error + rng.normal(0.0, 2.0, error.size)
+    for width in (0.1, 1.0):
+        expected = 4.0 + (3.0 * width) ** 2 / 12
+        assert ann_data.conditional(error, command, width).floor == pytest.approx(expected, rel=0.02)
+        assert ann_data.unexplained_share(error, command, width) == pytest.approx(expected / (9 * 400 / 12 + 4), rel=0.03)
+
+
+def test_classes_by_hand():
+    found = ann_data.conditional([0.1, -0.1, 1.0, 1.1], [2.0, 4.0, 5.0, 5.0], 1.0)
+    assert found.error.tolist() == [0.0, 1.0]
+    assert found.mean.tolist() == [3.0, 5.0]
+    assert found.variance.tolist() == [1.0, 0.0]
+    assert found.count.tolist() == [2, 2]
+    assert found.floor == 1.0  # squares 2, four samples less two classes
+
+
+def test_pi_answer_is_the_recorded_command():
+    error, command = ann_data.pi_data(SHORT, speed_factors=(1.0,), load_factors=(1.0,), samples=SHORT.steps + 1)
+    assert np.max(np.abs(ann_data.pi_answer(error, SHORT) - command)) < 1e-9
+
+
+def test_mse_history_is_the_error_of_the_network_in_newton_metres():
+    result = ann_data.trained_network(SHORT, starts=2, samples=300)
+    error, command = ann_data.pi_data(SHORT, samples=300)
+    for name, curves in ann_data.mse_history(result).items():
+        rows = result.samples[name]
+        for k, network in enumerate(result.networks):
+            missed = network.predict(error[rows, None])[:, 0] - command[rows]
+            assert curves[k, result.best_epoch[k]] == pytest.approx(np.mean(missed**2), rel=1e-9)
+
+
+def straight(slope, activation, offset=0.0):
+    """A network whose hidden neurons stay almost straight: u = slope e + offset to 1e-5 for |e| below 10."""
+    small = {"logistic": 4e-4, "tanh": 1e-4}[activation]
+    centre = {"logistic": 0.5, "tanh": 0.0}[activation]
+    unit = Range(np.array([-1.0]), np.array([1.0]))
+    W2 = slope / 1e-4 / 3 * np.ones((1, 3))
+    return Network(small * np.ones((3, 1)), np.zeros(3), W2, np.array([offset - 3 * centre * W2[0, 0]]), unit, unit, activation)
+
+
+@pytest.mark.parametrize("activation", ["tanh", "logistic"])
+def test_slope_is_the_difference_quotient(activation):
+    network = ann_data.trained_network(SHORT, starts=1, samples=300, activation=activation).networks[0]
+    for e in (0.0, 3.0, -7.0):
+        difference = (network.predict([e + 1e-5])[0] - network.predict([e - 1e-5])[0]) / 2e-5
+        assert ann_data.map_slope(network, e) == pytest.approx(difference, rel=1e-5, abs=1e-6)
+    assert ann_data.map_slope(straight(2.5, activation)) == pytest.approx(2.5, rel=1e-6)
+
+
+@pytest.mark.parametrize("activation", ["tanh", "logistic"])
+def test_holding_error_of_a_straight_map_is_load_over_slope(activation):
+    network = straight(5.0, activation, offset=0.5)
+    assert ann_data.holding_error(network, 3.0) == pytest.approx(0.5, abs=1e-5)
+    with pytest.raises(ValueError, match="torque = 9.0 N m: no error of the training range"):
+        ann_data.holding_error(network, 9.0)
+    with pytest.raises(ValueError, match="no error of the training range"):
+        ann_data.holding_error(straight(-5.0, activation), 1.0)
+
+
+def test_drive_settles_where_the_map_holds_the_load():
+    """What the map alone predicts is what the simulated drive does at rest: no integral action."""
+    network = straight(4.0, "tanh")
+    scenario = SHORT.changed(duration=3.0, load_torque=((0.0, 3.0),), speed_reference=((0.0, 0.0),))
+    run = simulate(scenario, ann_data.network_speed(network))
+    assert -run["omega_m"][-1] == pytest.approx(ann_data.holding_error(network, 3.0), abs=0.01)
+
+
+def test_statements_see_a_wrong_network():
+    network = ann_data.trained_network(SHORT, starts=1, samples=300).networks[0]
+    assert all(ann_data.network_statements(network).values())
+    broken = [text for text, holds in ann_data.network_statements(straight(1.0, "tanh")).items() if not holds]
+    assert broken == ["15 hidden neurons, each with its bias", "one output"]
+
+
+@pytest.mark.parametrize(
+    "call, message",
+    [
+        (lambda: ann_data.conditional([0.0, 1.0], [1.0], 1.0), "two lists of equal length"),
+        (lambda: ann_data.conditional([0.0, 1.0], [1.0, 2.0], 0.1), "2 samples in 2 classes"),
+        (lambda: ann_data.conditional([0.0, 1.0], [1.0, 2.0], 0.0), "resolution = 0.0 rad/s"),
+        (lambda: ann_data.pi_answer([np.nan], SHORT), "error = nan rad/s"),
+    ],
+)
+def test_bad_records_are_refused(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

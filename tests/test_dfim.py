@@ -202,3 +202,15 @@ def test_origins_are_stated_for_every_value_of_every_set():
     for machine in DFIM_SETS.values():
         assert all(kind != "given" and note for _, _, _, kind, note in machine.rows())
     assert dict((row[0], row[3]) for row in DFIM_4KW.changed(R_r=2.7).rows())["R_r"] == "given"
+
+
+def test_parameter_sets_and_scenarios_can_go_to_another_process():
+    import pickle
+
+    from drivelib.dfim_machines import DFIM_SETS
+    from drivelib.dfim_scenario import DEFAULT_SCENARIO
+
+    for value in (*DFIM_SETS.values(), DEFAULT_SCENARIO):
+        twin = pickle.loads(pickle.dumps(value))
+        assert twin == value
+        assert dict(twin.origins) == dict(value.origins)

@@ -208,7 +208,7 @@ def test_events_act_at_the_first_sample_at_or_after_their_time():
         ({"load_torque": ((1.0, 2.0),)}, "first value at 0 s"),
         ({"load_torque": ((0.0, 2.0), (0.2, 1.0), (0.2, 3.0))}, "strictly increasing"),
         ({"speed_reference": ((0.0, float("nan")),)}, "speed_reference at 0 s = nan rad/s"),
-        ({"speed_reference": 3.0}, "must be a sequence"),
+        ({"speed_reference": "fast"}, "must be a number or a sequence"),
         ({"frequency_law": "equal-split"}, "Did you mean equal split"),
         ({"period": 1e-3}, r"at most 0.5/period = 500 rad/s"),
         ({"rotor_resistance": ((0.0, 0.0),)}, "rotor_resistance at 0 s = 0.0: .* above 0"),

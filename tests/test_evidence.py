@@ -109,3 +109,12 @@ def test_each_assumption_that_a_notebook_names_is_in_the_ledger():
         omitted = prose.split("**What is omitted")[1]
         for name in re.findall(r"`([A-Za-z_-]+)`", omitted):
             assert name in known, (item, name)
+
+
+def test_every_number_in_a_finding_comes_from_a_result():
+    """A finding holds digits of its own only where the paper prints them or names a figure or equation."""
+    for paper in ledger.papers().values():
+        said = report.findings(paper)
+        assert len(said) == len(paper.findings) or any(id_ not in ITEMS for id_ in paper.items)
+        for sentence in said:
+            assert "{" not in sentence

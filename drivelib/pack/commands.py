@@ -74,7 +74,7 @@ def _check(console, chosen, options):
         differences = check.differences(stage, chosen) + [f"{name}: belongs to no notebook" for name in check.orphans(runner.items())]
         found = report.results(stage / "figures")
         readme = (paths.root() / "README.md").read_text(encoding="utf-8")
-        if not options.items and not failures and report.readme(readme, found) != readme:
+        if not options.items and not failures and report.readme(readme, found, stage / "figures") != readme:
             differences.append("README.md: its verdict table is stale")
         if options.keep and (failures or differences):
             difference.write_page(stage, chosen, differences + [f"{o.item}: {o.failure}" for o in failures], found, Path(options.keep))

@@ -7,6 +7,7 @@ import ast
 import hashlib
 import json
 from dataclasses import asdict
+from functools import cache
 from pathlib import Path
 
 from drivelib import ledger, notebook, paths
@@ -86,7 +87,10 @@ def closure(sources):
     return sorted(found)
 
 
+@cache
 def _imported(text):
+    """Return the drivelib files that one source imports itself, as a tuple."""
+    found = []
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -99,7 +103,8 @@ def _imported(text):
             if module[0] == "drivelib":
                 for candidate in ("/".join(module[1:]) + ".py", "/".join([*module[1:], "__init__.py"])):
                     if (PACKAGE / candidate).is_file():
-                        yield candidate
+                        found.append(candidate)
+    return tuple(found)
 
 
 def file_digest(path):

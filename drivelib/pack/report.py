@@ -1,6 +1,7 @@
 """The ledger with its results, rendered for people: terminal table and README block."""
 
 import json
+from string import Formatter
 
 from drivelib import ledger, paths
 from drivelib.record import write_atomically
@@ -38,7 +39,33 @@ def ours(claim, result):
     return f"{result['ours']:.4g}{unit}{literally}"
 
 
-def readme(text, found):
+def findings(paper, folder=None):
+    """Return a paper's findings with the numbers of its items filled in; those of items still to come are left out.
+
+    Raises
+    ------
+    ValueError
+        If a finding names a number that its item does not have.
+    """
+    base = folder or paths.root() / "figures"
+    numbers = {}
+    for id_ in paper.items:
+        path = base / f"{id_}.json"
+        if path.exists():
+            values = json.loads(path.read_text(encoding="utf-8"))["numbers"]
+            numbers[id_.split("/")[1]] = {name: entry["value"] for name, entry in values.items()}
+    said = []
+    for sentence in paper.findings:
+        named = {field.split("[")[0] for _, field, *_ in Formatter().parse(sentence) if field}
+        if named <= set(numbers):
+            try:
+                said.append(sentence.format(**numbers))
+            except KeyError as error:
+                raise ValueError(f"{paper.id}: a finding names {error}, which is no number of its item") from None
+    return said
+
+
+def readme(text, found, folder=None):
     """Return the README's text with its verdict block rendered anew.
 
     Raises
@@ -49,7 +76,7 @@ def readme(text, found):
     if BEGIN not in text or END not in text:
         raise ValueError(f"README.md: the markers of the verdict table are missing: {BEGIN} and {END}")
     head, rest = text.split(BEGIN, 1)
-    return f"{head}{BEGIN}\n{_block(found)}\n{END}{rest.split(END, 1)[1]}"
+    return f"{head}{BEGIN}\n{_block(found, folder)}\n{END}{rest.split(END, 1)[1]}"
 
 
 def update_readme(found):
@@ -62,13 +89,14 @@ def update_readme(found):
     return new != old
 
 
-def _block(found):
+def _block(found, folder):
     lines = []
     for paper in ledger.papers().values():
         mine = [row for row in rows(found) if row[0].id in paper.claims]
         open_ = [claim for claim, result, _ in mine if result is None]
         counts = {verdict: sum(v == verdict for *_, v in mine) for verdict in (*ledger.VERDICTS, OPEN)}
         lines.append(f"\n**{paper.citation}** " + ", ".join(f"{count} {name}" for name, count in counts.items() if count) + ".\n")
+        lines += [f"- {sentence}" for sentence in findings(paper, folder)] + [""]
         if len(open_) < len(mine):
             lines += ["| item | claim | measured | paper | ours | verdict |", "|---|---|---|---|---:|---|"]
         for claim, result, verdict in mine:

@@ -1,0 +1,98 @@
+"""The few calls that every notebook makes refuse misuse, and write the same bytes for the same numbers."""
+
+import json
+
+import numpy as np
+import pytest
+
+from drivelib import plotting, record
+
+
+@pytest.fixture
+def item(reproduced, monkeypatch, tmp_path):
+    monkeypatch.setenv("DRIVELIB_ROOT", str(reproduced.root))
+    monkeypatch.setenv("DRIVELIB_OUT", str(tmp_path / "out"))
+    return record.Record("mini/fig01_line", {"slope": 2.0})
+
+
+def show(item, **changes):
+    figure, axis = plotting.figure("Fig. 1: a line")
+    axis.plot([0, 1], [0, 2])
+    item.show(figure, **{"alt": "A line.", "columns": [record.Column("y", "m", "height", [0.0, 2.0])], **changes})
+
+
+def test_finish_wants_every_claim_and_every_artefact(item):
+    with pytest.raises(RuntimeError, match="not evaluated: mini/slope"):
+        item.finish()
+    item.compare("mini/slope", 2.0)
+    with pytest.raises(RuntimeError, match="no png, svg, csv was saved"):
+        item.finish()
+    show(item)
+    item.finish()
+    assert json.loads((item.folder / "fig01_line.json").read_text())["published"] is False
+
+
+def test_a_claim_is_judged_once_and_by_its_own_notebook(item):
+    with pytest.raises(ValueError, match="'mini/rise' is no claim of mini/fig01_line"):
+        item.compare("mini/rise", 1.0)
+    item.compare("mini/slope", 2.0)
+    with pytest.raises(ValueError, match="mini/slope was judged before"):
+        item.compare("mini/slope", 2.0)
+
+
+def test_a_figure_needs_its_description_and_its_arrays(item):
+    with pytest.raises(ValueError, match="needs its description"):
+        show(item, alt=" ")
+    with pytest.raises(ValueError, match="needs its description .* and the plotted arrays"):
+        show(item, columns=[])
+    with pytest.raises(ValueError, match="two columns share a name"):
+        show(item, columns=[record.Column("y", "m", "a", [1.0]), record.Column("y", "m", "b", [1.0])])
+
+
+def test_pictures_have_no_date_and_the_same_bytes_each_time(item):
+    show(item)
+    first = {suffix: (item.folder / f"fig01_line.{suffix}").read_bytes() for suffix in record.SUFFIXES}
+    show(item)
+    assert first == {suffix: (item.folder / f"fig01_line.{suffix}").read_bytes() for suffix in record.SUFFIXES}
+    assert b"<dc:date>" not in first["svg"]
+
+
+def test_a_missing_glyph_is_an_error(item):
+    with pytest.raises(UserWarning, match="Glyph"):
+        figure, _ = plotting.figure("Fig. 1: \N{CJK UNIFIED IDEOGRAPH-9A71}")
+        item.show(figure, alt="x", columns=[record.Column("y", "m", "height", [0.0])])
+
+
+def test_numbers_are_rounded_and_nan_is_refused():
+    assert record.rounded(1 / 3) == 0.333333333
+    assert record.rounded(-0.0) == 0 and str(record.rounded(-0.0)) == "0.0"
+    assert record.rounded(None) is None
+    with pytest.raises(ValueError, match="nan is no number"):
+        record.rounded(float("nan"))
+
+
+def test_columns_of_different_length_are_padded_with_nothing():
+    text = record._csv([record.Column("a", "m", "one", [1.0]), record.Column("b", "", "two", np.array([1.5, np.nan, -0.0]))])
+    assert text == "# a [m]: one\n# b [1]: two\na,b\n1,1.5\n,\n,0\n"
+
+
+def test_begin_refuses_a_mistyped_parameter_that_papermill_would_only_warn_of(reproduced, monkeypatch):
+    monkeypatch.setenv("DRIVELIB_ROOT", str(reproduced.root))
+    with pytest.raises(ValueError, match="has no parameter 'slop', it has slope. Did you mean slope"):
+        record.Record("mini/fig01_line", {"slope": 2.0, "In": ["", "# Parameters\nslop = 3\n"]})
+    with pytest.raises(ValueError, match="'slope' is not set"):
+        record.Record("mini/fig01_line", {})
+
+
+def test_a_write_that_fails_leaves_the_old_file_and_no_scrap(tmp_path, monkeypatch):
+    path = tmp_path / "a.json"
+    record.write_atomically(path, b"old")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(record.os, "fsync", full)
+    with pytest.raises(OSError, match="No space left"):
+        record.write_atomically(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.json"]
