@@ -10,11 +10,11 @@ from drivelib.pack import freshness
 
 LAYERS = (
     {"__init__", "paths", "validation"},
-    {"machines", "curves", "pmsm", "pmsm_angle", "pmsm_optimum", "circuits", "identification", "metrics", "dfim_machines", "dfim", "dfim_decoupling"},
+    {"machines", "curves", "pmsm", "pmsm_angle", "pmsm_optimum", "circuits", "identification", "metrics", "dfim_machines", "dfim", "dfim_decoupling", "dfim_response"},
     {"control", "fuzzy", "fuzzy_facts", "fuzzy_reference", "neural", "levenberg", "training", "networks", "speed_law"},
     {"dfim_plant", "pwm", "dfim_loop", "dfim_scenario", "dfim_drive"},
-    {"ledger", "derivations"},
-    {"environment", "bootstrap", "notebook", "plotting", "diagrams", "schemes", "record"},
+    {"ledger", "symbolic", "derivations", "derivations_zidani"},
+    {"environment", "bootstrap", "notebook", "plotting", "diagrams", "schemes", "schemes_zidani", "orientation", "record"},
     {"pack/__init__", "pack/freshness", "pack/worker", "pack/runner", "pack/check", "pack/report", "pack/difference", "pack/commands", "__main__"},
 )
 FILES = sorted(path.relative_to(freshness.PACKAGE).with_suffix("").as_posix() for path in freshness.PACKAGE.rglob("*.py"))
