@@ -1,15 +1,14 @@
 """Every numbered equation of Eskander 2002, as printed, as mended, and as derived from the ones before it.
 
-SymPy does the deriving. An equation passes when printed (or mended) minus derived is identically zero; the
-number shown is its relative error at the rated point of the appendix machine, because "wrong" has a size.
+`symbolic` says how an equation passes; errors are those at the rated point of the appendix machine.
 """
 
-from dataclasses import dataclass, field
 from functools import cache
 
 import sympy as sp
 
-from drivelib import machines
+from drivelib import machines, symbolic
+from drivelib.symbolic import Equation
 from drivelib.validation import nearest
 
 R_s, R_c, L_d, L_q, L_s, lam, P, w = sp.symbols("R_s R_c L_d L_q L_s lambda P omega_s", positive=True)
@@ -36,22 +35,6 @@ DIMENSIONS = {
 }
 
 
-@dataclass(frozen=True)
-class Equation:
-    """One numbered equation: right-hand sides as SymPy expressions.
-
-    ``variants`` holds what derives under each reading of an assumption that the paper leaves open; the first
-    is the reading under which it was printed.
-    """
-
-    printed: sp.Expr
-    variants: dict[str, sp.Expr]
-    mended: sp.Expr | None = None
-    mend: str = ""
-    surface: bool = False
-    dimension: tuple[int, int, int] = field(default=(0, 0, 0))
-
-
 def equation(name):
     """Return the `Equation` called ``name``, such as "eq11".
 
@@ -67,39 +50,9 @@ def equation(name):
 
 
 def evidence(name):
-    """Return what `record.compare` takes for one equation: errors as printed, mended, and per variant."""
+    """Return what `record.compare` takes for one equation, at the rated point of the IPMSM (or SPMSM); see `symbolic.evidence`."""
     eq = equation(name)
-    right = eq.mended if eq.mended is not None else eq.printed
-    errors = {label: relative_error(right, derived, eq.surface) for label, derived in eq.variants.items()}
-    default, *others = errors
-    result = {"ours": errors[default], "note": eq.mend}
-    if eq.mended is not None:
-        result["as_printed"] = relative_error(eq.printed, eq.variants[default], eq.surface)
-        if not is_homogeneous(eq.printed, eq.dimension):
-            result["note"] += "; as printed its terms have different dimensions"
-    if others:
-        result["alternatives"] = {label: errors[label] for label in others}
-        result["note"] = f"default: {default}" + (f"; {eq.mend}" if eq.mend else "")
-    return result
-
-
-def relative_error(expression, derived, surface=False):
-    """Return |expression − derived| / |derived| at the rated point of the IPMSM (or SPMSM), 30 digits inside."""
-    point = rated_point(machines.SPMSM if surface else machines.IPMSM)
-    wanted = derived.subs(point).evalf(30)
-    difference = (expression - derived).subs(point).evalf(30, chop=True)
-    return float(abs(difference / wanted))
-
-
-def is_homogeneous(expression, dimension):
-    """Return whether all terms have the given dimension: rescaling the units must rescale the value."""
-    scales = (sp.Integer(2), sp.Integer(3), sp.Integer(5))
-    units = {symbol: sp.prod(s**n for s, n in zip(scales, powers, strict=True)) for symbol, powers in DIMENSIONS.items()}
-    point = rated_point(machines.IPMSM)
-    plain = expression.subs(point).evalf(30)
-    rescaled = expression.subs({symbol: value * units[symbol] for symbol, value in point.items()}).evalf(30)
-    wanted = plain * sp.prod(s**n for s, n in zip(scales, dimension, strict=True))
-    return bool(abs(rescaled - wanted) < abs(wanted) * sp.Float("1e-20"))
+    return symbolic.evidence(eq, rated_point(machines.SPMSM if eq.at == "surface" else machines.IPMSM), DIMENSIONS)
 
 
 def rated_point(machine):
@@ -197,15 +150,15 @@ def eskander():
             "L_d², in the last numerator, must be L_d", dimension=ampere,
         ),
         "eq12": Equation(sp.sqrt(V_d**2 + V_q**2), {same: amplitude}, dimension=volt),
-        "eq13": Equation(w**2 * ((lam + L_s * i_od) ** 2 + (L_s * i_oq) ** 2) / R_c, {same: iron_surface}, surface=True, dimension=watt),
-        "eq14": Equation(HALF3 * P * lam * i_oq, {same: torque_surface}, surface=True, dimension=newton_metre),
+        "eq13": Equation(w**2 * ((lam + L_s * i_od) ** 2 + (L_s * i_oq) ** 2) / R_c, {same: iron_surface}, at="surface", dimension=watt),
+        "eq14": Equation(HALF3 * P * lam * i_oq, {same: torque_surface}, at="surface", dimension=newton_metre),
         "eq15": Equation(
             2 * (R_s * i_od + L_s * w**2 * lam / R_c + w**2 * L_s**2 * i_od * R_c), {same: slope_surface}, mended_15,
-            "R_c must divide the last term", surface=True, dimension=volt,
+            "R_c must divide the last term", at="surface", dimension=volt,
         ),
         "eq16": Equation(
             L_s * w**2 * lam / (R_s * R_c + w**2 * L_s**2), {same: _linear_root(mended_15, i_od)},
-            -L_s * w**2 * lam / (R_s * R_c + w**2 * L_s**2), "the minus is missing", surface=True, dimension=ampere,
+            -L_s * w**2 * lam / (R_s * R_c + w**2 * L_s**2), "the minus is missing", at="surface", dimension=ampere,
         ),
         "eq17": Equation(R_s * i_oq + w * lam, {neglected: R_s * i_oq + e_q.subs(i_od, 0), **both_q}, dimension=volt),
         "eq18": Equation(-w * L_q * i_oq, {neglected: e_d, **both_d}, dimension=volt),

@@ -7,12 +7,15 @@ about the graph ("the network's inputs are exactly i_q* and ω_r"), tested on th
 from dataclasses import dataclass, field
 
 import networkx as nx
-from matplotlib.patches import Circle, FancyBboxPatch, Rectangle
+from matplotlib.patches import Circle, FancyBboxPatch, Polygon, Rectangle
 
 from drivelib.validation import choice
 
-KINDS = ("input", "sum", "block", "pi", "network", "inverter", "motor")
-SIZES = {"input": (0, 0), "sum": (0.36, 0.36), "inverter": (1.1, 1.1), "motor": (1.1, 1.1), "pi": (1.0, 0.9)}
+KINDS = ("input", "output", "sum", "block", "pi", "network", "inverter", "motor", "gain", "sets", "centroid", "dfim")
+SIZES = {
+    "input": (0, 0), "output": (0, 0), "sum": (0.36, 0.36), "inverter": (1.1, 1.1), "motor": (1.1, 1.1), "pi": (1.0, 0.9),
+    "gain": (1.1, 1.0), "dfim": (1.7, 1.7),
+}  # fmt: skip
 INK, FILL = "#000000", "#F4F7FA"
 
 
@@ -38,7 +41,10 @@ class Block:
 
 @dataclass(frozen=True)
 class Signal:
-    """One signal from block to block; ``path`` holds the wire's corners, ``sign`` counts at a sum."""
+    """One signal from block to block; ``path`` holds the wire's corners, ``sign`` counts at a sum.
+
+    A ``stub`` shows only its end, from ``path[0]`` on, as a tag does in a signal-flow program.
+    """
 
     name: str
     start: str
@@ -47,6 +53,7 @@ class Signal:
     sign: int = 1
     path: tuple = ()
     at: tuple[float, float] | None = None
+    stub: bool = False
 
 
 @dataclass(frozen=True)
@@ -89,9 +96,9 @@ class Scheme:
         return any(set(blocks) <= part for part in nx.strongly_connected_components(self.graph))
 
     def loose_ends(self):
-        """Return blocks that nothing enters (other than inputs) or nothing leaves."""
+        """Return blocks that nothing enters (other than inputs) or nothing leaves (other than outputs)."""
         loose = [name for name, kind in self.graph.nodes(data="kind") if kind != "input" and not self.graph.in_degree(name)]
-        return loose + [name for name in self.graph if not self.graph.out_degree(name)]
+        return loose + [name for name, kind in self.graph.nodes(data="kind") if kind != "output" and not self.graph.out_degree(name)]
 
 
 def draw(axes, scheme):
@@ -102,9 +109,11 @@ def draw(axes, scheme):
     for signal in scheme.signals:
         _draw_signal(axes, blocks, signal)
     for signal in scheme.signals:
-        twins = [other for other in scheme.signals if (other.start, other.name) == (signal.start, signal.name)]
-        if len(twins) > 1 and signal.path:
-            axes.plot(*signal.path[0], "o", color=INK, markersize=5)
+        for other in scheme.signals:
+            if other is not signal and (other.start, other.name) == (signal.start, signal.name) and not (signal.stub or other.stub):
+                common = [a for a, b in zip(signal.path, other.path, strict=False) if a == b]
+                if common:  # where the wire forks
+                    axes.plot(*common[-1], "o", color=INK, markersize=5)
     axes.set_aspect("equal")
     axes.axis("off")
     axes.autoscale_view()
@@ -115,6 +124,19 @@ def _draw_block(axes, block):
     left, bottom = block.x - width / 2, block.y - height / 2
     if block.kind == "input":
         axes.text(block.x - 0.1, block.y, block.label, ha="right", va="center", fontsize=12)
+        return
+    if block.kind == "output":
+        axes.text(block.x + 0.1, block.y, block.label, ha="left", va="center", fontsize=12)
+        return
+    if block.kind == "gain":
+        corners = [(left, bottom), (left, bottom + height), (left + width, block.y)]
+        axes.add_patch(Polygon(corners, facecolor=FILL, edgecolor=INK, linewidth=1.5))
+        axes.text(left + 0.36 * width, block.y, block.label, ha="center", va="center", fontsize=9.5)
+        return
+    if block.kind == "dfim":
+        for radius in (width / 2, 0.66 * width / 2):  # stator and rotor
+            axes.add_patch(Circle((block.x, block.y), radius, facecolor=FILL, edgecolor=INK, lw=1.5))
+        axes.text(block.x, block.y, block.label, ha="center", va="center", fontsize=10)
         return
     if block.kind in ("sum", "motor"):
         axes.add_patch(Circle((block.x, block.y), width / 2, facecolor="white" if block.kind == "sum" else FILL, edgecolor=INK, lw=1.5))
@@ -133,12 +155,20 @@ def _draw_block(axes, block):
         step = [(0.15, 0.15), (0.15, 0.42), (0.85, 0.8)]
         axes.plot([left + x * width for x, _ in step], [bottom + y * height for _, y in step], color=INK, lw=1.4, linestyle="-")
         axes.text(left + 0.68 * width, bottom + 0.25 * height, block.label, ha="center", va="center", fontsize=10)
+    elif block.kind in ("sets", "centroid"):
+        # overlapping triangles; or their clipped union with its centre of gravity
+        shape = {"sets": ((0, 0), (1, 2), (2, 0), (1, 0), (2, 2), (3, 0), (2, 0), (3, 2), (4, 0)), "centroid": ((0, 0), (0.4, 0.8), (1.6, 0.8), (2.1, 1.6), (2.9, 1.6), (4, 0), (0, 0))}
+        x, y = zip(*shape[block.kind], strict=True)
+        axes.plot([left + width * (0.18 + 0.16 * a) for a in x], [bottom + height * (0.56 + 0.17 * b) for b in y], color=INK, lw=1.1, linestyle="-")
+        if block.kind == "centroid":
+            axes.plot([left + width * 0.545] * 2, [bottom + height * 0.5, bottom + height * 0.92], color=INK, lw=1.1, linestyle=(0, (3, 2)))
+        axes.text(block.x, bottom + 0.26 * height, block.label, ha="center", va="center", fontsize=10, linespacing=1.2)
     else:
         axes.text(block.x, block.y, block.label, ha="center", va="center", fontsize=10, linespacing=1.3)
 
 
 def _draw_signal(axes, blocks, signal):
-    points = [_end(blocks[signal.start], (signal.path or ((blocks[signal.end].x, blocks[signal.end].y),))[0])]
+    points = [] if signal.stub else [_end(blocks[signal.start], (signal.path or ((blocks[signal.end].x, blocks[signal.end].y),))[0])]
     points += list(signal.path)
     points.append(_end(blocks[signal.end], points[-1]))
     xs, ys = zip(*points, strict=True)
@@ -158,6 +188,11 @@ def _end(block, towards):
     """Return where a wire that comes from (or goes) ``towards`` meets the block's edge, horizontally or vertically."""
     width, height = block.extent
     dx, dy = towards[0] - block.x, towards[1] - block.y
-    if abs(dy) < height / 2 or (abs(dx) >= width / 2 and block.kind in ("sum", "motor", "input")):
+    if block.kind == "dfim":  # on the circle
+        radius = width / 2
+        if abs(dy) < radius <= abs(dx):
+            return block.x + (radius**2 - dy**2) ** 0.5 * (1 if dx > 0 else -1), towards[1]
+        return towards[0], block.y + (radius**2 - dx**2) ** 0.5 * (1 if dy > 0 else -1)
+    if abs(dy) < height / 2 or (abs(dx) >= width / 2 and block.kind in ("sum", "motor", "input", "output")):
         return block.x + (width / 2 if dx > 0 else -width / 2), towards[1] if width else block.y
     return towards[0] if abs(dx) < width / 2 else block.x, block.y + (height / 2 if dy > 0 else -height / 2)
