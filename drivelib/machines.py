@@ -242,3 +242,26 @@ SPMSM = PmsmParameters(
         "T_rated": Origin("inferred", "400 W / 300 rad/s"),
     },
 )
+
+_MOTULATOR = Origin("found", "motulator (Aalto University), example of a 2.2 kW PMSM, github.com/Aalto-Electric-Drives/motulator at 26c023e")
+
+IPMSM_2200W = PmsmParameters(
+    name="IPMSM 2.2 kW",
+    R_s=3.6,
+    L_d=0.036,
+    L_q=0.051,
+    psi_f=0.545,
+    P=3,
+    V_dc=540.0,
+    R_c=1000.0,
+    J=0.015,
+    B=0.0,
+    omega_m_rated=157.08,
+    T_rated=14.0,
+    origins={
+        **dict.fromkeys(("R_s", "L_d", "L_q", "psi_f", "P", "V_dc", "J", "T_rated"), _MOTULATOR),
+        "R_c": Origin("assumed", "the source has no iron loss; 1000 ohm puts 99 W there at rated speed without load", 500.0, 3000.0),
+        "B": Origin("assumed", "the source has no friction", 0.0, 1e-2),
+        "omega_m_rated": Origin("inferred", "2π · 75 Hz / 3, rated frequency of the same source"),
+    },
+)

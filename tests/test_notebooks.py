@@ -39,6 +39,15 @@ def test_the_eight_sections_stand_in_order(item):
     assert 8 <= len(content) <= 14
 
 
+@pytest.mark.parametrize("item", [item for item in ITEMS if item.startswith("beyond/")])
+def test_beyond_the_papers_a_notebook_has_parameters_begins_and_finishes(item):
+    content = cells(item)
+    parameters = next(number for number, cell in enumerate(content) if "parameters" in cell["metadata"].get("tags", ()))
+    order = [parameters, first(item, r"\bbegin\("), first(item, r"\bfinish\(")]
+    assert order == sorted(order)
+    assert order[-1] == len(content) - 1
+
+
 @pytest.mark.parametrize("item", ITEMS)
 def test_parameters_are_literals_each_with_a_comment(item):
     content = notebook.read(paths.notebook(item))
@@ -61,7 +70,7 @@ def test_committed_outputs_are_complete_and_normalised(item):
     assert all(cell["execution_count"] for cell in content["cells"] if cell["cell_type"] == "code")
     text = notebook.dumps(content).decode()
     assert "image/png" in text
-    assert not re.search(r"/home/|/root/|/tmp/|papermill", text)
+    assert not re.search(r"/home/|/root/|/tmp/|papermill| at 0x[0-9a-f]+>", text)
 
 
 @pytest.mark.parametrize("item", ITEMS)

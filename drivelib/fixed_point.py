@@ -1,0 +1,188 @@
+"""A trained network in Q15: integer weights, the integer arithmetic that the exported C does, and its error bound.
+
+Inputs and outputs are int16, q = value / full_scale · 2¹⁵. A row of weights (one neuron) holds f fractional
+bits of its own, chosen as large as 16-bit weights and a 32-bit accumulator allow, so that no sum can overflow.
+tanh is a table of 2⁶ steps per unit up to 8 with linear interpolation; beyond, it saturates.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivelib.validation import number
+
+ONE = 1 << 15
+STEP_BITS = 6  # table steps per unit of the argument: 2**6
+TABLE_END = 8  # tanh(8) = 1 - 2.3e-7, far below one step of Q15
+TABLE = np.minimum(np.rint(np.tanh(np.arange((TABLE_END << STEP_BITS) + 1) / (1 << STEP_BITS)) * ONE), ONE - 1).astype(np.int64)
+MARGIN = 1 + 1 / 16  # full scale beyond the largest value of the training data
+LARGEST_BITS, SMALLEST_BITS = 15, 6
+
+
+@dataclass(frozen=True)
+class Q15Network:
+    """Integer form of a network; built by `quantised`.
+
+    Attributes
+    ----------
+    x_scale, y_scale : ndarray of float
+        Full scale of inputs and outputs: what 2¹⁵ stands for.
+    x_low, x_high : ndarray of int
+        Training range of the inputs; they are clamped to it.
+    W1, B1, f1 : ndarray of int, shapes (n_hidden, n_in), (n_hidden,), (n_hidden,)
+        Weights with f1 fractional bits, biases with f1 + 15, and f1.
+    W2, B2, f2 : ndarray of int, shapes (n_out, n_hidden), (n_out,), (n_out,)
+        The same of the output layer.
+    bound : ndarray of float, shape (n_out,)
+        Largest possible error against the float64 network at the same inputs, in the units of the outputs, where
+        these lie within full scale; beyond, the output saturates.
+    """
+
+    x_scale: np.ndarray
+    y_scale: np.ndarray
+    x_low: np.ndarray
+    x_high: np.ndarray
+    W1: np.ndarray
+    B1: np.ndarray
+    f1: np.ndarray
+    W2: np.ndarray
+    B2: np.ndarray
+    f2: np.ndarray
+    bound: np.ndarray
+
+    def to_q15(self, x):
+        """Return inputs in Q15, rounded and saturated to int16."""
+        return np.clip(np.rint(np.asarray(x) / self.x_scale * ONE), -ONE, ONE - 1).astype(np.int64)
+
+    def from_q15(self, q):
+        """Return what Q15 inputs stand for, in the units of the data."""
+        return np.asarray(q) * self.x_scale / ONE
+
+    def evaluate(self, q):
+        """Return the Q15 outputs, shape (..., n_out), at Q15 inputs, bit for bit as the exported C."""
+        q = np.clip(np.asarray(q, dtype=np.int64), self.x_low, self.x_high)
+        hidden = _tanh(q @ self.W1.T + self.B1, self.f1)
+        return np.clip(_rounded(hidden @ self.W2.T + self.B2, self.f2), -ONE, ONE - 1)
+
+    def predict(self, x):
+        """Return the outputs in the units of the data, at inputs in theirs: quantised, evaluated, scaled back."""
+        return self.evaluate(self.to_q15(x)) * self.y_scale / ONE
+
+
+def quantised(network):
+    """Return a network (`drivelib.neural.Network`, tanh) as a `Q15Network`.
+
+    Raises
+    ------
+    ValueError
+        If its hidden layer is not tanh, or a neuron's weights are too large for 16 bits.
+    """
+    if network.activation != "tanh":
+        raise ValueError(f"activation = {network.activation!r}: only 'tanh' has a Q15 form")
+    W1, B1, W2, B2 = network.folded()
+    inputs, targets = network.inputs, network.targets
+    x_scale = MARGIN * np.maximum(np.abs(inputs.low), np.abs(inputs.high))
+    y_scale = MARGIN * np.maximum(np.abs(targets.low), np.abs(targets.high))
+    first, second = (W1 * x_scale, B1), (W2 / y_scale[:, None], B2 / y_scale)
+    f1, f2 = _fractional_bits("W1", *first), _fractional_bits("W2", *second)
+    edges = [np.rint(end / x_scale * ONE).astype(np.int64) for end in (inputs.low, inputs.high)]
+    return Q15Network(
+        x_scale, y_scale, *edges, *_integers(*first, f1), f1, *_integers(*second, f2), f2, _bound(W1 * x_scale, f1, second[0], f2, edges) * y_scale
+    )
+
+
+def _fractional_bits(name, W, B):
+    largest = np.maximum(np.max(np.abs(W), axis=1), 1e-300)
+    total = np.sum(np.abs(W), axis=1) + np.abs(B)
+    weights = np.floor(np.log2((ONE - 1) / largest))
+    sums = np.floor(16 - np.log2(np.maximum(total, 1e-300) * (1 + 1e-3)) - 0.01)
+    bits = np.minimum(np.minimum(weights, sums), LARGEST_BITS).astype(np.int64)
+    for row in np.flatnonzero(bits < SMALLEST_BITS):
+        raise ValueError(
+            f"{name} row {row}: |weights| + |bias| add up to {total[row]:.4g} per full scale, too large for Q15 (about 2**{16 - SMALLEST_BITS}); "
+            "train with fewer hidden neurons or another seed"
+        )
+    return bits
+
+
+def _integers(W, B, bits):
+    W = np.clip(np.rint(W * 2.0 ** bits[:, None]), 1 - ONE, ONE - 1).astype(np.int64)
+    B = np.rint(B * 2.0 ** (bits + 15)).astype(np.int64)
+    largest = np.sum(np.abs(W), axis=1) * ONE + np.abs(B) + (1 << 15)
+    if np.any(largest >= 1 << 31):
+        raise ValueError(f"row {int(np.argmax(largest))}: its sum does not fit 32 bits")
+    return W, B
+
+
+def _bound(W1, f1, W2, f2, edges):
+    """Return the worst case of every rounding in `Q15Network.evaluate`, as a share of full scale."""
+    reach = np.maximum(*np.abs(edges)) / ONE  # inputs are clamped
+    argument = np.sum(2.0 ** -(f1[:, None] + 1) * reach, axis=1) + 2.0 ** -(f1 + 16)  # weights, bias: half a step each
+    clamp = np.sum(np.abs(W1), axis=1) * 2.0**-16  # the ends of the range are rounded too
+    interpolation = 4 / (3 * np.sqrt(3)) * 2.0 ** (-2 * STEP_BITS) / 8  # largest |tanh''| h²/8
+    table = 2.0**-15 + 2.0 ** -(STEP_BITS + 15) + 2.0**-16  # entry (saturated at 1 - 2**-15), fraction cut off, result rounded
+    hidden = argument + clamp + interpolation + table
+    tail = 2.0**-16  # output rounded; it saturates only beyond the full scale
+    return np.abs(W2) @ hidden + W2.shape[1] * 2.0 ** -(f2 + 1) + 2.0 ** -(f2 + 16) + tail
+
+
+def _tanh(z, bits):
+    shift = bits + 15 - STEP_BITS
+    size = np.abs(z)
+    index = size >> shift
+    inside = index < len(TABLE) - 1
+    index = np.where(inside, index, 0)
+    fraction = (size & ((1 << shift) - 1)) >> (shift - 15)
+    step = TABLE[index + 1] - TABLE[index]
+    value = np.where(inside, TABLE[index] + ((step * fraction + (1 << 14)) >> 15), ONE - 1)
+    return np.where(z < 0, -value, value)
+
+
+def _rounded(value, bits):
+    half = 1 << (bits - 1)
+    return np.where(value >= 0, (value + half) >> bits, -((half - value) >> bits))
+
+
+def float32_predict(network, x):
+    """Return the network in single precision, each operation rounded as IEEE 754 asks, inputs clamped to its range.
+
+    Sums run as in the exported C, bias first. tanh is taken as correctly rounded; a C library may differ by a unit
+    in the last place or two.
+    """
+    W1, B1, W2, B2 = (single(values) for values in network.folded())
+    x = np.clip(single(x), single(network.inputs.low), single(network.inputs.high))
+    hidden = single(np.tanh(_summed(W1, B1, x)))
+    return _summed(W2, B2, hidden)
+
+
+def single(values):
+    """Return values rounded to single precision, as float64."""
+    return np.asarray(values, dtype=np.float32).astype(float)
+
+
+def _summed(W, B, x):
+    total = np.broadcast_to(B, x.shape[:-1] + B.shape)
+    for column in range(W.shape[1]):
+        total = single(total + single(W[:, column] * x[..., column, None]))
+    return total
+
+
+def float32_bound(network, tanh_ulps=2):
+    """Return the largest error of the network in single precision, shape (n_out,), in the units of the outputs.
+
+    The standard bound γ_n = n u/(1 − n u), u = 2⁻²⁴, on each sum (weights and inputs rounded, products, additions),
+    carried through tanh, whose slope is at most 1 and whose library error is ``tanh_ulps`` units in the last place.
+
+    References
+    ----------
+    N. J. Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., SIAM 2002, sec. 3.1.
+    """
+    number("tanh_ulps", tanh_ulps, at_least=0)
+    W1, B1, W2, B2 = map(np.abs, network.folded())
+    reach = np.maximum(np.abs(network.inputs.low), np.abs(network.inputs.high))
+
+    def gamma(n):
+        return n * 2.0**-24 / (1 - n * 2.0**-24)
+
+    hidden = gamma(W1.shape[1] + 3) * (W1 @ reach + B1) + (tanh_ulps + 0.5) * 2.0**-24
+    return W2 @ hidden + gamma(W2.shape[1] + 2) * (W2.sum(axis=1) * (1 + 1e-3) + B2)
