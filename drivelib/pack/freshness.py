@@ -7,6 +7,7 @@ import ast
 import hashlib
 import json
 from dataclasses import asdict
+from functools import cache
 from pathlib import Path
 
 from drivelib import ledger, notebook, paths
@@ -86,7 +87,13 @@ def closure(sources):
     return sorted(found)
 
 
+@cache
 def _imported(text):
+    """Return the drivelib files that a source names in its imports; parsed once per text."""
+    return tuple(_named(text))
+
+
+def _named(text):
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
