@@ -2,11 +2,8 @@
 
 import base64
 import html
-import shutil
 import tempfile
 from pathlib import Path
-
-from matplotlib.testing.compare import compare_images
 
 from drivelib import paths
 from drivelib.pack import layers, report
@@ -55,15 +52,10 @@ def write_page(old_root, new_root, chosen, problems, target):
 
 def _pictures(old_root, new_root, one):
     """Return the HTML of one picture that differs."""
+    old, new = (layers.files(root, one.item)["png"] for root in (old_root, new_root))
     with tempfile.TemporaryDirectory() as folder:
-        baseline, ours = Path(folder, "baseline.png"), Path(folder, "ours.png")
-        for root, path in ((old_root, baseline), (new_root, ours)):
-            shutil.copy(layers.files(root, one.item)["png"], path)
-        try:
-            result = compare_images(baseline, ours, tol=0, in_decorator=True) or {}
-        except Exception:  # noqa: BLE001 - other sizes, or no picture at all: there is no difference picture then
-            result = {}
-        shown = {"old": baseline, "new": ours} | ({"difference": Path(result["diff"])} if result.get("diff") else {})
+        result = layers.picture_difference(old, new, folder) or {}
+        shown = {"old": old, "new": new} | ({"difference": Path(result["diff"])} if result.get("diff") else {})
         figures = "".join(
             f'<figure><img alt="{name} picture of {one.item}" src="data:image/png;base64,{base64.b64encode(path.read_bytes()).decode()}">'
             f"<figcaption>{name}</figcaption></figure>"

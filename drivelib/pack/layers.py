@@ -7,12 +7,14 @@ font changes them all.
 import csv
 import io
 import json
+import shutil
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from matplotlib.testing.compare import compare_images
+from PIL import Image
 
 from drivelib import ledger
 from drivelib.pack import check, freshness
@@ -135,16 +137,25 @@ def pictures(old, new, item):
     return found
 
 
+def picture_difference(old, new, folder):
+    """Return matplotlib's comparison of two PNG files (``rms``, ``diff``), or None where they cannot be compared.
+
+    Works on copies in ``folder``; equal pixels give an RMS of 0 and no difference picture.
+    """
+    try:
+        sizes = [Image.open(io.BytesIO(path.read_bytes())).convert("RGB").size for path in (old, new)]
+    except OSError:  # no whole picture
+        return None
+    if sizes[0] != sizes[1]:
+        return None
+    one, two = shutil.copy(old, Path(folder, "old.png")), shutil.copy(new, Path(folder, "new.png"))
+    return compare_images(one, two, tol=0, in_decorator=True) or {"rms": 0.0}
+
+
 def _rms(old, new):
     with tempfile.TemporaryDirectory() as folder:
-        one, two = Path(folder, "old.png"), Path(folder, "new.png")
-        one.write_bytes(old.read_bytes())
-        two.write_bytes(new.read_bytes())
-        try:
-            result = compare_images(one, two, tol=0, in_decorator=True)
-        except Exception:  # noqa: BLE001 - other sizes, or no picture at all: matplotlib has its own classes for each
-            return WHOLE
-    return float(result["rms"]) if result else 0.0
+        result = picture_difference(old, new, folder)
+    return float(result["rms"]) if result else WHOLE
 
 
 def rest(old, new, item):
