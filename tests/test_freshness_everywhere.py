@@ -29,9 +29,6 @@ print(json.dumps(found))
 """
 
 
-SOURCES = {}  # the closure of a notebook's code, once per code: only digests change in these tests
-
-
 @pytest.fixture(scope="module")
 def records(tmp_path_factory):
     """Every item recorded as fresh, once."""
@@ -50,14 +47,7 @@ def recorded(records, monkeypatch):
 
 
 def _patch(patch, folder):
-    closure = freshness.closure
-    patch.setattr(freshness, "closure", lambda sources: SOURCES.setdefault("\n".join(sources), None) or _closure(closure, sources))
     patch.setattr(freshness, "_record_path", lambda id_: folder / f"{id_.replace('/', '-')}.json")
-
-
-def _closure(closure, sources):
-    SOURCES["\n".join(sources)] = found = closure(sources)
-    return found
 
 
 def test_nothing_is_stale_to_begin_with(recorded):
