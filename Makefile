@@ -6,7 +6,7 @@ LOCK_DATE ?= $(shell date -u +%F)
 TORCH_WHEELS ?= $(TORCH_INDEX)/torch/
 RUN = .venv/bin/python -m drivelib
 
-.PHONY: reproduce test lab lock venv
+.PHONY: reproduce test verify-all lab lock venv
 
 venv:
 	@$(PYTHON) -m drivelib.bootstrap
@@ -17,6 +17,13 @@ reproduce: venv
 
 test: venv
 	@$(RUN) test
+
+# What is too slow for CI: the whole pack elsewhere and otherwise, 200 kernels, and other processors where QEMU is installed.
+verify-all: venv
+	@$(RUN) verify
+	@$(RUN) test -m slow
+	@if command -v qemu-x86_64 > /dev/null; then $(RUN) verify --cpu Haswell --cpu Skylake-Client --cpu EPYC; \
+	    else echo "skipped: other processors, for qemu-x86_64 is not installed (Debian: qemu-user)"; fi
 
 lab: venv
 	@$(RUN) lab

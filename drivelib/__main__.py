@@ -2,6 +2,7 @@
 
 import argparse
 import ast
+import errno
 import os
 import sys
 
@@ -16,7 +17,23 @@ def main(arguments=None):
     reproduce.add_argument("--jobs", type=int, default=os.cpu_count(), help="notebooks at once (default: one per core)")
     reproduce.add_argument("--force", action="store_true", help="run fresh ones too")
     reproduce.add_argument("--check", action="store_true", help="run all, compare with the committed files, write nothing")
+    reproduce.add_argument("--seed", type=int, help="shuffle the order; with --check (drawn by default) the hash seed too")
     reproduce.add_argument("--keep", metavar="DIR", help="with --check: where to leave the difference page when something differs")
+
+    difference = commands.add_parser("difference", help="what changed in numbers, arrays and pictures, as a page")
+    difference.add_argument("items", nargs="*", metavar="ID")
+    difference.add_argument("--against", metavar="DIR", help="another tree's root (default: the files that git holds as accepted)")
+    difference.add_argument("--fresh", action="store_true", help="run the items and compare with the published files instead")
+    difference.add_argument("--jobs", type=int, default=os.cpu_count(), help="with --fresh: notebooks at once")
+    difference.add_argument("--out", metavar="DIR", help="where to write the page (default: build/difference)")
+    accept = commands.add_parser("accept", help="print old and new numbers of what changed, and accept it: git add")
+    accept.add_argument("items", nargs="*", metavar="ID")
+    verify = commands.add_parser("verify", help="the expensive checks: permutations of the whole pack, or other processors")
+    verify.add_argument("items", nargs="*", metavar="ID", help="with --cpu or --without: these items only")
+    verify.add_argument("--cpu", action="append", default=[], help="compare with this processor, emulated by QEMU; may be repeated")
+    verify.add_argument("--without", action="append", default=[], metavar="PIN", help="leave out a pin of the environment")
+    verify.add_argument("-p", dest="parameters", action="append", default=[], metavar="NAME=VALUE")
+    verify.add_argument("--jobs", type=int, default=os.cpu_count(), help="runs at once")
 
     run = commands.add_parser("run", help="run one notebook with your own parameters, outside the published results")
     run.add_argument("item", metavar="ID")
@@ -37,13 +54,20 @@ def main(arguments=None):
     if arguments[:1] in (["lab"], ["test"]):
         return _replace(*arguments)
     options = parser.parse_args(arguments)
-    from drivelib.pack import commands as implementation
+    from drivelib.pack import commands as usual
+    from drivelib.pack import review, verify
 
+    implementation = {"difference": review, "accept": review, "verify": verify}.get(options.command, usual)
     try:
         return getattr(implementation, options.command.replace("-", "_"))(options)
     except ValueError as error:
         print(f"drivelib: {error}", file=sys.stderr)
         return 2
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EDQUOT, errno.EFBIG):
+            raise
+        print(f"drivelib: {error}", file=sys.stderr)
+        return 1
     except KeyboardInterrupt:
         print("drivelib: interrupted; nothing half-written is left", file=sys.stderr)
         return 130

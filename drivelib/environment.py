@@ -55,8 +55,13 @@ def kernel(private, **extra):
 
 
 def missing_pins():
-    """Return the names of the pins that are not in force in this process."""
-    return sorted(name for name, value in PINS.items() if os.environ.get(name) != value)
+    """Return the names of the pins that are not in force in this process.
+
+    Any fixed hash seed will do: check mode draws another one on purpose, and no result may depend on it.
+    """
+    seed = os.environ.get("PYTHONHASHSEED", "")
+    fixed = {"PYTHONHASHSEED": PINS["PYTHONHASHSEED"]} if seed.isdecimal() else {}
+    return sorted(name for name, value in PINS.items() if (os.environ | fixed).get(name) != value)
 
 
 def provenance():

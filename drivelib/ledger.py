@@ -12,7 +12,9 @@ from functools import cache
 from pathlib import Path
 
 from drivelib import paths
-from drivelib.validation import choice, nearest
+from drivelib.validation import choice, nearest, number
+
+TOLERANCE = 1e-6  # relative; below it an array or a number counts as unchanged, where byte identity is not asked for
 
 REPRODUCED = "reproduced"
 CORRECTED = "reproduced, corrected"
@@ -78,11 +80,15 @@ class Claim:
 
 @dataclass(frozen=True)
 class Item:
-    """One notebook: figure or table of a paper, and the items whose numbers it reads."""
+    """One notebook: figure or table of a paper, and the items whose numbers it reads.
+
+    ``tolerance`` is the relative difference of its arrays and numbers that still counts as unchanged.
+    """
 
     id: str
     title: str
     needs: tuple[str, ...] = ()
+    tolerance: float = TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -188,8 +194,9 @@ def load(path):
     paper = path.stem
     items, claims, expected = {}, {}, {}
     for stem, entry in raw.get("items", {}).items():
-        _known(entry, ("title", "needs"), f"{path.name}, item {stem}")
-        items[f"{paper}/{stem}"] = Item(f"{paper}/{stem}", entry["title"], tuple(entry.get("needs", ())))
+        _known(entry, ("title", "needs", "tolerance"), f"{path.name}, item {stem}")
+        tolerance = number(f"{path.name}, item {stem}: tolerance", entry.get("tolerance", TOLERANCE), at_least=0, at_most=0.01)
+        items[f"{paper}/{stem}"] = Item(f"{paper}/{stem}", entry["title"], tuple(entry.get("needs", ())), tolerance)
     for entry in raw.get("claims", []):
         claim = _claim(entry, f"{path.name}, claim {entry.get('id', '(no id)')}", paper, items)
         if claim.id in claims:

@@ -4,11 +4,14 @@ import json
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
+import psutil
 import pytest
 
 from drivelib import environment, notebook
+from drivelib.pack import worker
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 
@@ -104,7 +107,27 @@ class Mini:
 
     def run(self, *arguments, **options):
         """Call ``python -m drivelib`` on this pack; return the finished process."""
-        return subprocess.run(self.command(*arguments), env=self.environment(), capture_output=True, text=True, timeout=120, **options)
+        return subprocess.run(self.command(*arguments), **{"env": self.environment(), "capture_output": True, "text": True, "timeout": 120, **options})
+
+    def survivors(self):
+        """Return the processes that a run of this pack has left behind; other packs may be at work meanwhile."""
+        left = []
+        for process in psutil.process_iter():
+            try:
+                environment_ = process.environ()
+                mine = worker.TOKEN in environment_ and environment_.get("DRIVELIB_ROOT") == str(self.root)
+                if mine and process.status() != psutil.STATUS_ZOMBIE:
+                    left.append(process)
+            except psutil.Error:
+                continue
+        return left
+
+    def wait_for_kernel(self):
+        """Wait until a kernel of this pack is at work; fail when none ever is, for then nothing would be proved."""
+        deadline = time.monotonic() + 60
+        while not self.survivors():
+            assert time.monotonic() < deadline, "no kernel ever started"
+            time.sleep(0.1)
 
     def command(self, *arguments):
         return [sys.executable, "-m", "drivelib", *map(str, arguments)]

@@ -1,11 +1,6 @@
 """An item is stale exactly when something that it depends on has changed."""
 
-import json
-
-import pytest
-
-from drivelib import paths
-from drivelib.pack import freshness, runner
+from drivelib.pack import freshness
 
 
 def test_status_names_the_reason(reproduced):
@@ -53,19 +48,3 @@ def test_the_closure_holds_what_is_imported_and_nothing_else():
     """pmsm_optimum needs pmsm, curves and validation; it needs no figure style and no SymPy proofs."""
     closure = freshness.closure(["from drivelib import pmsm_optimum"])
     assert closure == ["__init__.py", "curves.py", "pmsm.py", "pmsm_optimum.py", "validation.py"]
-
-
-@pytest.mark.parametrize("module", sorted(path.name for path in freshness.PACKAGE.glob("*.py")))
-def test_a_changed_source_file_stales_exactly_the_items_that_import_it(module, monkeypatch):
-    """Hold the digest's dependence on each file against a direct search of the notebooks' imports."""
-    digest = freshness.file_digest
-    before = {id_: freshness.parts(item) for id_, item in runner.items().items()}
-    monkeypatch.setattr(freshness, "file_digest", lambda path: "changed" if path.name == module and path.parent == freshness.PACKAGE else digest(path))
-    for id_, item in runner.items().items():
-        closure = freshness.closure(_sources(id_))
-        assert (freshness.parts(item) != before[id_]) == (module in closure)
-
-
-def _sources(id_):
-    content = json.loads(paths.notebook(id_).read_text())
-    return ["".join(cell["source"]) for cell in content["cells"] if cell["cell_type"] == "code"]

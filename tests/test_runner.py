@@ -3,24 +3,8 @@
 import json
 import signal
 import subprocess
-import time
 
-import psutil
 import pytest
-
-from drivelib.pack import worker
-
-
-def survivors():
-    """Return the processes that a run has left behind."""
-    left = []
-    for process in psutil.process_iter():
-        try:
-            if worker.TOKEN in process.environ() and process.status() != psutil.STATUS_ZOMBIE:
-                left.append(process)
-        except psutil.Error:
-            continue
-    return left
 
 
 def test_reproduce_runs_publishes_and_renders(ran):
@@ -73,7 +57,7 @@ def test_a_failure_is_named_and_harms_nothing(reproduced, case):
     assert "failed: mini/fig01_line: " in done.stdout
     assert message in done.stdout
     assert reproduced.files() == before
-    assert not survivors()
+    assert not reproduced.survivors()
 
 
 def test_a_cell_over_its_limit_is_stopped_with_all_that_it_started(reproduced):
@@ -85,7 +69,7 @@ def test_a_cell_over_its_limit_is_stopped_with_all_that_it_started(reproduced):
     assert done.returncode == 1
     assert "longer than the limit of 3 s" in done.stdout
     assert reproduced.files() == before
-    assert not survivors()
+    assert not reproduced.survivors()
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
@@ -93,14 +77,11 @@ def test_stopping_the_runner_leaves_no_process_and_no_half_written_file(reproduc
     reproduced.write_cells("fig01_line", ["slope = 2.0", "import time\ntime.sleep(600)"])
     before = reproduced.files()
     with subprocess.Popen(reproduced.command("reproduce"), env=reproduced.environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        deadline = time.monotonic() + 60
-        while not survivors() and time.monotonic() < deadline:
-            time.sleep(0.1)
-        assert survivors(), "the kernel never started, so stopping it proves nothing"
+        reproduced.wait_for_kernel()
         process.send_signal(how)
         process.communicate(timeout=60)
         assert process.returncode == 130
-    assert not survivors()
+    assert not reproduced.survivors()
     assert reproduced.files() == before
     assert not list((reproduced.root / "build").glob("stage-*"))
 
@@ -108,9 +89,7 @@ def test_stopping_the_runner_leaves_no_process_and_no_half_written_file(reproduc
 def test_two_runs_in_one_tree_do_not_meet(reproduced):
     reproduced.write_cells("fig01_line", ["slope = 2.0", "import time\ntime.sleep(600)"])
     with subprocess.Popen(reproduced.command("reproduce"), env=reproduced.environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE) as first:
-        deadline = time.monotonic() + 60
-        while not survivors() and time.monotonic() < deadline:
-            time.sleep(0.1)
+        reproduced.wait_for_kernel()
         second = reproduced.run("reproduce")
         first.send_signal(signal.SIGTERM)
         first.communicate(timeout=60)

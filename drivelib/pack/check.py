@@ -6,10 +6,10 @@ import itertools
 import json
 import math
 
-from drivelib import environment, paths
+from drivelib import environment, ledger, paths
 from drivelib.pack import freshness
 
-TOLERANCE = 1e-6  # relative, where byte identity is not claimed
+TOLERANCE = ledger.TOLERANCE  # where byte identity is not claimed
 
 
 def differences(stage, chosen):

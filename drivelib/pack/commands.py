@@ -1,5 +1,6 @@
 """The commands behind ``python -m drivelib``: what they print and their exit status."""
 
+import random
 import shutil
 import subprocess
 import tempfile
@@ -13,7 +14,7 @@ from rich.table import Table
 
 from drivelib import environment, ledger, notebook, paths
 from drivelib.__main__ import parse_parameter
-from drivelib.pack import check, difference, freshness, report, runner
+from drivelib.pack import check, difference, freshness, layers, publishing, report, runner
 from drivelib.record import write_atomically
 
 STYLES = {
@@ -47,16 +48,25 @@ def _publish(console, chosen, options):
     reasons = {id_: freshness.why_stale(item) for id_, item in chosen.items()}
     stale = {id_: item for id_, item in chosen.items() if options.force or reasons[id_]}
     provenance = environment.provenance() | {"revision": _revision()} if stale else {}
+    publishing.clear_leftovers()
     stage = Path(tempfile.mkdtemp(prefix="stage-", dir=paths.build()))
     failures = []
     try:
         run_parts = {id_: freshness.parts(item) for id_, item in stale.items()}
-        for outcome in _watched(console, stale, options.jobs, stage):
+        for outcome in _watched(console, stale, options.jobs, stage, seed=options.seed):
             if outcome.failure is None:
                 # What it read may have been published since this run began.
                 now = freshness.parts(stale[outcome.item]) if stale[outcome.item].needs else run_parts[outcome.item]
-                runner.publish(outcome, stale[outcome.item], now, provenance)
-            else:
+                changes = layers.claims(layers.files(paths.root(), outcome.item), layers.files(stage, outcome.item), outcome.item)
+                try:
+                    publishing.publish(outcome, stale[outcome.item], now, provenance)
+                except OSError as error:
+                    outcome.failure = f"could not be published: {error}"
+                    console.print(f"failed {outcome.item}: {outcome.failure}", markup=False, highlight=False, soft_wrap=True)
+                else:
+                    for change in changes:
+                        console.print(f"  changed: {change.what}", markup=False, highlight=False, soft_wrap=True)
+            if outcome.failure:
                 failures.append(outcome)
     finally:
         shutil.rmtree(stage, ignore_errors=True)
@@ -69,20 +79,21 @@ def _publish(console, chosen, options):
 
 def _check(console, chosen, options):
     stage = Path(tempfile.mkdtemp(prefix="drivelib-check-"))
+    seed = random.SystemRandom().randrange(10**6) if options.seed is None else options.seed
     try:
-        failures = [outcome for outcome in _watched(console, chosen, options.jobs, stage, check=True) if outcome.failure]
+        failures = [outcome for outcome in _watched(console, chosen, options.jobs, stage, check=True, seed=seed) if outcome.failure]
         differences = check.differences(stage, chosen) + [f"{name}: belongs to no notebook" for name in check.orphans(runner.items())]
         found = report.results(stage / "figures")
         readme = (paths.root() / "README.md").read_text(encoding="utf-8")
         if not options.items and not failures and report.readme(readme, found, stage / "figures") != readme:
             differences.append("README.md: its verdict table is stale")
         if options.keep and (failures or differences):
-            difference.write_page(stage, chosen, differences + [f"{o.item}: {o.failure}" for o in failures], found, Path(options.keep))
+            difference.write_page(paths.root(), stage, chosen, differences + [f"{o.item}: {o.failure}" for o in failures], Path(options.keep))
             console.print(f"difference page: {Path(options.keep) / 'index.html'}", highlight=False, soft_wrap=True)
     finally:
         shutil.rmtree(stage, ignore_errors=True)
     how = "byte by byte" if environment.is_reference() else f"within {check.TOLERANCE:g}, for this is not the reference platform"
-    return _verdicts(console, found, failures, differences, f"{len(chosen)} notebooks run, compared {how}")
+    return _verdicts(console, found, failures, differences, f"{len(chosen)} notebooks run in the order of --seed {seed}, compared {how}")
 
 
 def run(options):
@@ -154,7 +165,7 @@ def clean_notebooks(options):
     return 0
 
 
-def _watched(console, chosen, jobs, stage, check=False):
+def _watched(console, chosen, jobs, stage, check=False, seed=None):
     """Run items with one live display; yield each `runner.Outcome`."""
     if not chosen:
         return
@@ -175,7 +186,7 @@ def _watched(console, chosen, jobs, stage, check=False):
             busy.append(id_)
             show()
 
-        for outcome in runner.run(chosen, jobs=jobs, stage=stage, mirror=check, report=start):
+        for outcome in runner.run(chosen, jobs=jobs, stage=stage, mirror=check, seed=seed, report=start):
             outcomes.append(outcome)
             if outcome.item in busy:
                 busy.remove(outcome.item)

@@ -10,15 +10,26 @@ BEGIN, END = "<!-- verdicts: begin (rendered by `python -m drivelib reproduce`) 
 OPEN = "open"
 
 
-def results(folder=None):
-    """Return ``{claim id: result}`` from the JSON of every item, published or below ``folder``."""
+def results(folder=None, broken="raise"):
+    """Return ``{claim id: result}`` from the JSON of every item, published or below ``folder``.
+
+    Raises
+    ------
+    ValueError
+        If a JSON is not readable, unless ``broken`` is "skip".
+    """
     base = folder or paths.root() / "figures"
     found = {}
     for paper in ledger.papers().values():
         for id_ in paper.items:
             path = base / f"{id_}.json"
             if path.exists():
-                found |= {claim["id"]: claim for claim in json.loads(path.read_text(encoding="utf-8"))["claims"]}
+                try:
+                    found |= {claim["id"]: claim for claim in json.loads(path.read_text(encoding="utf-8"))["claims"]}
+                except (ValueError, LookupError, TypeError):
+                    if broken == "skip":
+                        continue
+                    raise ValueError(f"{path}: no whole record of a run; `python -m drivelib reproduce {id_}` mends it") from None
     return found
 
 

@@ -4,6 +4,7 @@ import hashlib
 import json
 import multiprocessing
 import os
+import random
 import shutil
 import signal
 import tempfile
@@ -99,13 +100,18 @@ def limits(item_id):
     return values["beyond_seconds" if item_id.startswith("beyond/") else "notebook_seconds"], values["output_bytes"]
 
 
-def run(chosen, *, jobs, stage, publish=True, mirror=False, parameters=None, report=lambda *_: None):
+def run(chosen, *, jobs, stage, publish=True, mirror=False, parameters=None, seed=None, report=lambda *_: None):
     """Run items, at most ``jobs`` at once, into the folder ``stage``; yield an `Outcome` as each ends.
 
-    An item waits for the items it needs; when one of those fails, it fails too, unrun. ``publish=False``
-    marks the results as not published (other parameters). With ``mirror=True`` items read the numbers they
-    need from ``stage`` instead of the published ones. Whatever ends this generator, no process survives it.
+    An item waits for the items it needs; when one of those fails, it fails too, unrun. Whoever takes an outcome may
+    set its ``failure`` before asking for the next. ``publish=False`` marks the results as not published (other
+    parameters). With ``mirror=True`` items read the numbers they need from ``stage`` instead of the published ones.
+    With a ``seed`` the order is shuffled; the hash seed is then drawn from it too where nothing is published (mirror).
+    Whatever ends this generator, no process survives it.
     """
+    draw = random.Random(seed)
+    rank = {id_: draw.random() if seed is not None else -freshness.record(id_).get("seconds", 10) for id_ in chosen}
+    changes = {"PYTHONHASHSEED": draw.randrange(1, 2**32)} if seed is not None and mirror else {}
     context = multiprocessing.get_context("forkserver" if os.name != "nt" else "spawn")
     if os.name != "nt":
         context.set_forkserver_preload(["drivelib.pack.worker"])
@@ -115,7 +121,7 @@ def run(chosen, *, jobs, stage, publish=True, mirror=False, parameters=None, rep
     try:
         while order.is_active():
             waiting += order.get_ready()
-            waiting.sort(key=lambda id_: -freshness.record(id_).get("seconds", 10))  # longest first keeps all cores busy
+            waiting.sort(key=rank.get)  # longest first keeps all cores busy
             while waiting and len(running) < jobs:
                 id_ = waiting.pop(0)
                 broken = [needed for needed in chosen[id_].needs if needed in failed]
@@ -124,7 +130,14 @@ def run(chosen, *, jobs, stage, publish=True, mirror=False, parameters=None, rep
                     order.done(id_)
                     yield Outcome(id_, f"not run, because {broken[0]} failed", 0.0)
                     continue
-                run_ = _Run(context, id_, Path(stage), publish, mirror, parameters or {})
+                began = time.monotonic()
+                try:
+                    run_ = _Run(context, id_, Path(stage), publish, mirror, parameters or {}, changes)
+                except (OSError, ValueError) as error:
+                    failed.add(id_)
+                    order.done(id_)
+                    yield Outcome(id_, f"could not be started: {error}", time.monotonic() - began)
+                    continue
                 running[run_.process.sentinel] = run_
                 report("start", id_)
             if not running:
@@ -135,10 +148,10 @@ def run(chosen, *, jobs, stage, publish=True, mirror=False, parameters=None, rep
             for sentinel in {*ended, *late}:
                 run_ = running.pop(sentinel)
                 outcome = run_.end(late=sentinel not in ended)
+                yield outcome
                 if outcome.failure:
                     failed.add(run_.item)
                 order.done(run_.item)
-                yield outcome
     finally:
         for run_ in running.values():
             run_.kill()
@@ -147,14 +160,22 @@ def run(chosen, *, jobs, stage, publish=True, mirror=False, parameters=None, rep
 class _Run:
     """One running notebook: its worker process, its private folder and its deadline."""
 
-    def __init__(self, context, item, stage, publish, mirror, parameters):
-        from drivelib.pack import worker
-
+    def __init__(self, context, item, stage, publish, mirror, parameters, changes):
         self.item, self.stage, self.started = item, stage, time.monotonic()
         self.limit, output_limit = limits(item)
         self.deadline = self.started + self.limit + STARTUP_SECONDS
         self.token = uuid.uuid4().hex
         self.private = Path(tempfile.mkdtemp(prefix="drv"))  # short: a unix socket's path has 107 characters at most
+        try:
+            self._start(context, publish, mirror, parameters, changes, output_limit)
+        except BaseException:
+            shutil.rmtree(self.private, ignore_errors=True)
+            raise
+
+    def _start(self, context, publish, mirror, parameters, changes, output_limit):
+        from drivelib.pack import worker
+
+        item, stage = self.item, self.stage
         content = notebook.read(paths.notebook(item))
         for cell in content["cells"]:
             if cell["cell_type"] == "code":
@@ -165,6 +186,7 @@ class _Run:
         environment_ = environment.kernel(self.private, DRIVELIB_ROOT=paths.root(), **{worker.TOKEN: self.token}, **where)
         environment_[record.READ] = str(stage / "figures" if mirror else paths.root() / "figures")
         environment_["PYTHONPATH"] = str(freshness.PACKAGE.parent)
+        environment_ |= {name: str(value) for name, value in changes.items()}
         job = Job(item, str(self.private), environment_, parameters, self.limit, output_limit, self.token)
         self.receiver, sender = context.Pipe(duplex=False)
         self.process = context.Process(target=worker.execute, args=(job, sender), daemon=True)
@@ -176,7 +198,10 @@ class _Run:
         failure = f"longer than its limit of {self.limit:g} s, killed" if late else self._message()
         log = self._log_tail()
         if failure is None:
-            failure = self._collect()
+            try:
+                failure = self._collect()
+            except (OSError, ValueError, KeyError, TypeError) as error:
+                failure = f"its results cannot be read or kept: {error}"
         self.kill()
         if failure is not None and log and "raised" not in failure:
             failure += f" [{log}]"
@@ -239,14 +264,6 @@ class _Run:
             if suffix in results["artefacts"] and hashlib.sha256(path.read_bytes()).hexdigest() != results["artefacts"][suffix]:
                 return f"{path.name} is not what finish() signed"
         return None
-
-
-def publish(outcome, item, run_parts, provenance):
-    """Move an item's results into the tree, the JSON last, then write its run record."""
-    for path in freshness.artefacts(item.id):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        os.replace(outcome.files[path.suffix], path)
-    freshness.write_record(item, run_parts, seconds=outcome.seconds, provenance=provenance)
 
 
 @contextmanager
