@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivelib import control, dfim, metrics
+from drivelib.dfim_control import DriveSettings
 from drivelib.dfim_decoupling import current_references, leakage_inductances
-from drivelib.dfim_loop import CHANNELS, LIMITS, STATES, DriveSettings, empty_record, run_drive
+from drivelib.dfim_loop import CHANNELS, LIMITS, STATES, empty_record, run_drive
 from drivelib.dfim_scenario import DEFAULT_SCENARIO, FLUX_ESTIMATORS, Scenario
 from drivelib.speed_law import PiSpeed
 from drivelib.validation import nearest, number
