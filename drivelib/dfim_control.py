@@ -8,7 +8,6 @@ from typing import NamedTuple
 from numba import njit
 
 from drivelib import control, dfim_decoupling
-from drivelib.speed_law import speed_command
 
 # Division by zero gives inf or NaN here, which the loops' bounds catch; a check at each would cost a branch.
 _options = {"cache": True, "nogil": True, "error_model": "numpy"}
@@ -51,14 +50,10 @@ class DriveSettings(NamedTuple):
 
 
 class Command(NamedTuple):
-    """What a sample gives: frame speeds (rad/s), speed error, torque reference limited and as asked (N m), inverter
-    voltages limited and as asked (V), and the controller's state for the next sample."""
+    """What a sample gives: frame speeds (rad/s), inverter voltages limited and as asked (V), integral terms of the next sample (V)."""
 
     omega_s: float
     omega_r: float
-    e: float
-    T_ref: float
-    T_asked: float
     v_sd: float
     v_sq: float
     v_rd: float
@@ -71,28 +66,22 @@ class Command(NamedTuple):
     u_sq: float
     u_rd: float
     u_rq: float
-    memory: float
 
 
 # Inlined: the caller keeps only what it uses, and a loop over many drives can then be vectorised.
 @njit(**_options, inline="always")
-def control_sample(
-    i_sd, i_sq, i_rd, i_rq, hat_d, hat_q, omega_m, omega_ref, u_sd, u_sq, u_rd, u_rq, memory, e_previous, T_previous, s, speed
-):
-    """Return the Command of one sample.
+def control_sample(i_sd, i_sq, i_rd, i_rq, hat_d, hat_q, omega_m, T_ref, u_sd, u_sq, u_rd, u_rq, s):
+    """Return the Command of one sample: everything behind the speed controller.
 
     Parameters
     ----------
     i_sd, i_sq, i_rd, i_rq, hat_d, hat_q : float
         Measured currents (A) and estimated rotor flux (Wb), in the frame.
-    omega_m, omega_ref : float
-        Speed and its reference (rad/s).
+    omega_m, T_ref : float
+        Speed (rad/s) and torque reference (N m).
     u_sd, u_sq, u_rd, u_rq : float
         Integral terms of the four current controllers (V).
-    memory, e_previous, T_previous : float
-        State of the speed controller, see ``speed_command``.
     s : DriveSettings
-    speed : SpeedLaw
     """
     k_r, k_s = s.M / s.L_r, s.M / s.L_s
     sigma = 1.0 - s.M * s.M / (s.L_s * s.L_r)
@@ -103,9 +92,7 @@ def control_sample(
     omega_s = _stator_frequency(s.law, omega_e, s.omega_r_constant) + s.k_orientation * hat_q / usable
     omega_r = omega_s - omega_e
 
-    # Speed controller, then the current references, eq. (16) mended
-    e = omega_ref - omega_m
-    T_ref, T_asked, memory_next = speed_command(speed, e, e_previous, memory, T_previous, s.T_limit, s.period)
+    # Current references, eq. (16) mended
     i_sq_ref = 2.0 * s.L_r / (3.0 * s.p * s.M) * T_ref / usable
     e_sd, e_sq, e_rd, e_rq = s.phi_ref / s.M - i_sd, i_sq_ref - i_sq, -i_rd, -k_r * i_sq_ref - i_rq
 
@@ -124,6 +111,4 @@ def control_sample(
     u_sq = _pi_integral(u_sq, e_sq, t_sq, v_sq - k_r * v_rq, s.K_is, a_s, s.period)
     u_rd = _pi_integral(u_rd, e_rd, t_rd, v_rd - k_s * v_sd, s.K_ir, a_r, s.period)
     u_rq = _pi_integral(u_rq, e_rq, t_rq, v_rq - k_s * v_sq, s.K_ir, a_r, s.period)
-    return Command(
-        omega_s, omega_r, e, T_ref, T_asked, v_sd, v_sq, v_rd, v_rq, w_sd, w_sq, w_rd, w_rq, u_sd, u_sq, u_rd, u_rq, memory_next
-    )
+    return Command(omega_s, omega_r, v_sd, v_sq, v_rd, v_rq, w_sd, w_sq, w_rd, w_rq, u_sd, u_sq, u_rd, u_rq)

@@ -20,6 +20,7 @@ from drivelib import metrics
 from drivelib.dfim_control import control_sample
 from drivelib.dfim_plant import averaged_period, turn
 from drivelib.pwm import switched_period
+from drivelib.speed_law import speed_command
 
 _interval_indices = njit(cache=True, nogil=True, error_model="numpy")(metrics.interval_indices)
 
@@ -59,8 +60,9 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
     record : array, shape (samples, 23)
         In the order of CHANNELS, as the sample begins and with the voltages then chosen; the last two are
         the extremes of torque at the switching instants up to the next recorded sample.
-    indices : array, shape (3,)
-        IAE, ISE, ITAE (time from the window's start) are added to it.
+    indices : array, shape (4,)
+        IAE, ISE, ITAE (time from the window's start) are added to it; the last becomes the window's largest |error|
+        at a sample (rad/s) where that is larger.
     hits : int array, shape (5,)
         First sample at which each of LIMITS was hit, −1 where none was.
 
@@ -74,7 +76,7 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
     memory, e_previous, T_previous = x[13], x[14], x[15]
     h = s.period
     flux_bound, speed_bound = 1e2 * s.phi_ref, 1e5
-    iae = ise = itae = 0.0
+    iae = ise = itae = peak = 0.0
     omega_ref = T_load = 0.0
     R_r, row, change = plant.R_r, 0, 0
     instants, extremes = np.empty(6), np.empty(2)
@@ -93,16 +95,16 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
         if s.estimator == CURRENT_MODEL:
             hat_d, hat_q = model_d, model_q
 
-        c = control_sample(
-            i_sd, i_sq, i_rd, i_rq, hat_d, hat_q, omega_m, omega_ref,
-            u_sd, u_sq, u_rd, u_rq, memory, e_previous, T_previous, s, speed,
-        )  # fmt: skip
+        # Speed controller, then everything behind it
+        e = omega_ref - omega_m
+        T_ref, T_asked, memory_next = speed_command(speed, e, e_previous, memory, T_previous, s.T_limit, h)
+        c = control_sample(i_sd, i_sq, i_rd, i_rq, hat_d, hat_q, omega_m, T_ref, u_sd, u_sq, u_rd, u_rq, s)
         v_sd, v_sq, v_rd, v_rq, omega_s, omega_r = c.v_sd, c.v_sq, c.v_rd, c.v_rq, c.omega_s, c.omega_r
 
         if every > 0 and k % every == 0:
             T_e = plant.k_T * (phi_rd * i_sq - phi_rq * i_sd)
             values = (
-                omega_ref, omega_m, c.T_ref, T_e, T_load, i_sd, i_sq, i_rd, i_rq, phi_rd, phi_rq,
+                omega_ref, omega_m, T_ref, T_e, T_load, i_sd, i_sq, i_rd, i_rq, phi_rd, phi_rq,
                 hat_d, hat_q, v_sd, v_sq, v_rd, v_rq, omega_s, omega_r, theta_s, theta_m,
             )  # fmt: skip
             for j in range(len(values)):
@@ -113,7 +115,7 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
         if k == steps:
             break
 
-        if hits[0] < 0 and c.T_ref != c.T_asked:
+        if hits[0] < 0 and T_ref != T_asked:
             hits[0] = k
         if hits[1] < 0 and (v_sd != c.w_sd or v_sq != c.w_sq):
             hits[1] = k
@@ -125,7 +127,7 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
             hits[4] = k
 
         u_sd, u_sq, u_rd, u_rq = c.u_sd, c.u_sq, c.u_rd, c.u_rq
-        memory, e_previous, T_previous = c.memory, c.e, c.T_ref
+        memory, e_previous, T_previous = memory_next, e, T_ref
 
         before = omega_m
         if s.carrier_frequency == 0.0:
@@ -155,10 +157,11 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
             hat_q += -0.5 * h * s.R_r * end_rq + h * s.corner * (end_q - hat_q)
 
         if window[0] <= k < window[1]:
-            more = _interval_indices((k - window[0]) * h, h, c.e, omega_ref - omega_m)
+            more = _interval_indices((k - window[0]) * h, h, e, omega_ref - omega_m)
             iae += more[0]
             ise += more[1]
             itae += more[2]
+            peak = max(peak, abs(e))
         if not (abs(omega_m) < speed_bound and abs(phi_rd) + abs(phi_rq) + abs(phi_sd) + abs(phi_sq) < flux_bound):
             _keep(x, phi_sd, phi_sq, phi_rd, phi_rq, omega_m, theta_m, theta_s)
             return k + 1
@@ -169,6 +172,7 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
     indices[0] += iae
     indices[1] += ise
     indices[2] += itae
+    indices[3] = max(indices[3], peak)
     return -1
 
 

@@ -12,7 +12,7 @@ LAYERS = (
     {"__init__", "paths", "validation"},
     {"machines", "curves", "pmsm", "pmsm_angle", "pmsm_optimum", "circuits", "identification", "metrics", "dfim_machines", "dfim", "dfim_decoupling", "pmsm_dynamics", "transients"},
     {"control", "fuzzy", "fuzzy_facts", "fuzzy_reference", "neural", "levenberg", "training", "networks", "speed_law", "pmsm_law"},
-    {"dfim_plant", "pwm", "dfim_control", "dfim_loop", "dfim_scenario", "dfim_drive", "pmsm_plant", "pmsm_scenario", "pmsm_loop", "pmsm_drive"},
+    {"dfim_plant", "pwm", "dfim_control", "dfim_loop", "dfim_scenario", "dfim_drive", "dfim_lanes", "dfim_many", "ensemble", "shards", "space", "pmsm_plant", "pmsm_scenario", "pmsm_loop", "pmsm_drive"},
     {"ledger", "derivations"},
     {"environment", "bootstrap", "notebook", "plotting", "diagrams", "schemes", "record"},
     {"pack/__init__", "pack/freshness", "pack/worker", "pack/runner", "pack/check", "pack/report", "pack/difference", "pack/commands", "__main__"},
