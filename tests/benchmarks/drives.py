@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 
 import c_loop
 import numpy as np
@@ -21,6 +22,14 @@ DRIVE = DEFAULT_SCENARIO.changed(
 FUZZY = FuzzySpeed(0.2, 50.0, 0.5, "incremental")
 # The paper's network has one input, here as large as figure 8's: 15 hidden neurons.
 NETWORK = NetworkSpeed(np.full((15, 1), 0.05), np.linspace(-1.0, 1.0, 15), np.full(15, 4.0), activation="logistic")
+
+LABELS = {
+    "haswell": "C, same instructions",
+    "haswell free": "the same, -fno-trapping-math",
+    "native free": "C, native, -fno-trapping-math",
+    "haswell simd": "C with SIMD",
+    "native simd": "C with SIMD, native",
+}
 
 
 def loop(scenario, speed=None):
@@ -49,24 +58,26 @@ def rows(repetitions):
         with tempfile.TemporaryDirectory() as folder:
             one, abreast = c_loop.Inputs([DRIVE]), c_loop.Inputs(many)
             for march in ("haswell", "native"):
-                library = c_loop.build(folder, march)
-                functions[march] = lambda library=library: one.run(library)
-                functions[f"{march} simd"] = lambda library=library: abreast.run(library)
-            times = dict(zip(functions, in_turn(functions.values(), repetitions), strict=True))
+                standard, free = c_loop.build(folder, march, free=False), c_loop.build(folder, march)
+                functions[march] = lambda library=standard: one.run(library)
+                functions[f"{march} free"] = lambda library=free: one.run(library)
+                functions[f"{march} simd"] = lambda library=free: abreast.run(library)
+            times = dict(zip(functions, in_turn(functions.values(), repetitions, inner=15), strict=True))
     else:
-        times = dict(zip(functions, in_turn(functions.values(), repetitions), strict=True))
+        times = dict(zip(functions, in_turn(functions.values(), repetitions, inner=15), strict=True))
     steps = DRIVE.steps
     step = {"unit": "ns", "scale": 1e9}
 
     def against_c(what, name, limit, reference="haswell", units=steps):
-        label = {"haswell": "C, same instructions", "native": "C, native", "haswell simd": "C with SIMD", "native simd": "C with SIMD, native"}[reference]
+        label = LABELS[reference]
         if reference not in times:
             return Row(what, label, limit=limit, note="no C compiler")
         return Row(what, label, pairs(times[name], times[reference], units), limit=limit, **step)
 
     return [
         against_c("DFIM loop, averaged, per step", "pi", 1.3),
-        against_c("the same", "pi", None, "native"),
+        against_c("the same", "pi", None, "haswell free"),
+        against_c("the same", "pi", None, "native free"),
         against_c("with the fuzzy controller", "fuzzy", 2.5),
         against_c("with a network of 15 neurons", "network", 2.5),
         Row("with switching PWM", "our averaged loop", pairs(times["pwm"], times["pi"], steps), limit=10, **step),
@@ -82,7 +93,7 @@ def ensemble_rows(repetitions, count=1280):
     def run():
         dfim_many.simulate_many(DRIVE.changed(omega_n=10.0 + 20.0 * k / count) for k in range(count))
 
-    own = in_turn([run], repetitions, inner=1)[0]
+    own = in_turn([run], repetitions, clock=time.perf_counter)[0]
     code = (
         "from drivelib.dfim_drive import simulate; from drivelib.dfim_scenario import DEFAULT_SCENARIO as S\n"
         "simulate(S.changed(duration=2.0, speed_reference=((0.0, 100.0),), load_torque=((0.0, 0.0), (1.0, 25.0), (1.5, 0.0))), every=0)"
@@ -92,7 +103,7 @@ def ensemble_rows(repetitions, count=1280):
         subprocess.run([sys.executable, "-c", code], check=True, env=environment.pinned())
 
     process()
-    single = [seconds(process) for _ in range(repetitions)]
+    single = [seconds(process, clock=time.perf_counter) for _ in range(repetitions)]
     cores = os.cpu_count()
     return [
         Row(

@@ -3,15 +3,16 @@
 import statistics
 import subprocess
 import sys
+import time
 import warnings
 
 import numpy as np
 from measure import Row, in_turn, pairs
 from scipy.optimize import least_squares, minimize_scalar
 
-from drivelib import environment, fuzzy, fuzzy_reference, pmsm, pmsm_optimum
+from drivelib import environment, fuzzy, fuzzy_reference, networks, pmsm, pmsm_optimum
 from drivelib.machines import IPMSM
-from drivelib.neural import nguyen_widrow
+from drivelib.neural import Range, nguyen_widrow
 
 
 def fuzzy_rows(repetitions):
@@ -28,7 +29,7 @@ def fuzzy_rows(repetitions):
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        ours, theirs = in_turn([lambda: fuzzy.fuzzy_surface(e, de), peer], repetitions, inner=1)
+        ours, theirs = in_turn([lambda: fuzzy.fuzzy_surface(e, de), peer], repetitions, inner=2)
     return [
         Row("fuzzy controller, 49 rules, per input", "", pairs(ours, [0.0] * len(ours), e.size), "value", 100, "ns", 1e9),
         Row("fuzzy surface of 10⁶ points", "", pairs(ours, [0.0] * len(ours)), "value", 0.1),
@@ -37,12 +38,9 @@ def fuzzy_rows(repetitions):
 
 
 def problem():
-    """Return a smooth surface of 1000 samples, two inputs, one output, mapped to [-1, 1]."""
-    rng = np.random.default_rng(0)
-    x = rng.uniform(-1, 1, (1000, 2))
-    t = 0.7 * np.tanh(1.5 * x[:, 0] - x[:, 1]) + 0.3 * np.sin(2 * x[:, 0] * x[:, 1])
-    low, high = t.min(), t.max()
-    return x, 2 * (t - low) / (high - low) - 1
+    """Return what NN_I learns, 1000 samples, two inputs, one output, mapped to [-1, 1]."""
+    data = networks.nn_i_data(IPMSM, np.linspace(0.2, 4.0, 25), np.linspace(10.0, 178.0, 40))
+    return Range.of("x", data.x).to_unit(data.x), Range.of("t", data.t).to_unit(data.t)[:, 0]
 
 
 def residual(w, x, t):
@@ -98,7 +96,7 @@ def training_rows(repetitions):
     def numpy_():
         done[0] = sum(one_start(w, x, t, 30) for w in starts[:5])
 
-    a, b, c = in_turn([ours, scipy_, numpy_], repetitions, inner=1)
+    a, b, c = in_turn([ours, scipy_, numpy_], repetitions)
     unit = {"unit": "ms", "scale": 1e3}
     rows = [
         Row("Levenberg–Marquardt, 256 starts, per start and epoch", "", pairs(a, [0.0] * len(a), epochs[0]), "value", 0.05, **unit),
@@ -136,7 +134,7 @@ def map_rows(repetitions):
         for w, T in zip(omega_e.flat[::200_000], T_e.flat[::200_000], strict=True):
             minimize_scalar(lambda i, w=w, T=T: float(pmsm.total_loss(IPMSM, w, i, pmsm.i_oq_at_torque(IPMSM, T, i))), bounds=(-10, 0), method="bounded")
 
-    a, b = in_turn([ours, peer], repetitions, inner=1)
+    a, b = in_turn([ours, peer], repetitions)
     return [
         Row("PMSM map of 10⁶ points, one core", "", pairs(a, [0.0] * len(a)), "value", 0.5),
         Row("per operating point", "scipy.optimize, without limits", pairs(a, b, omega_e.size, 5), "faster", scale=1e6, unit="µs"),
@@ -150,7 +148,7 @@ def import_rows(repetitions):
         return lambda: subprocess.run([sys.executable, "-c", code], check=True, env=environment.pinned())
 
     codes = ("pass", "import drivelib", "from drivelib import pmsm_optimum", "from drivelib import dfim_drive", "from drivelib import training")
-    times = in_turn([start(code) for code in codes], repetitions, inner=1)
+    times = in_turn([start(code) for code in codes], repetitions, clock=time.perf_counter)
     return [
         Row(code, "", [(max(t - empty, 0.0), 0.0) for t, empty in zip(own, times[0], strict=True)], "value", 0.3 if code == "import drivelib" else None)
         for code, own in zip(codes[1:], times[1:], strict=True)
