@@ -48,10 +48,11 @@ def main(arguments=None):
     clean = commands.add_parser("clean-notebooks", help="bring notebooks that were saved by hand into the committed form")
     clean.add_argument("items", nargs="*", metavar="ID")
     commands.add_parser("lab", help="JupyterLab with the runner's environment; all arguments go to JupyterLab")
+    commands.add_parser("bench", help="measure speed beside C and other packages; --help lists its options")
     commands.add_parser("test", help="pytest with the runner's environment; all arguments go to pytest")
 
     arguments = sys.argv[1:] if arguments is None else arguments
-    if arguments[:1] in (["lab"], ["test"]):
+    if arguments[:1] in (["lab"], ["bench"], ["test"]):
         return _replace(*arguments)
     options = parser.parse_args(arguments)
     from drivelib.pack import commands as usual
@@ -90,12 +91,16 @@ def parse_parameter(text):
         return name, value
 
 
-def _replace(command, *rest):
-    """Become JupyterLab or pytest: the pins must be set before Python starts."""
+def _replace(name, *rest):
+    """Become JupyterLab, pytest or the benchmark: the pins must be set before Python starts."""
     from drivelib import environment, paths
 
-    module = ["jupyterlab", paths.root() / "notebooks"] if command == "lab" else ["pytest"]
-    command = [sys.executable, "-m", *map(str, module), *rest]
+    program = {
+        "lab": ["-m", "jupyterlab", paths.root() / "notebooks"],
+        "test": ["-m", "pytest"],
+        "bench": [paths.root() / "tests" / "benchmarks" / "bench.py"],
+    }[name]
+    command = [sys.executable, *map(str, program), *rest]
     environment_ = environment.pinned()
     if os.name == "nt":  # no exec that waits
         import subprocess

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivelib import control, dfim, metrics
+from drivelib.dfim_control import DriveSettings
 from drivelib.dfim_decoupling import current_references, leakage_inductances
-from drivelib.dfim_loop import CHANNELS, LIMITS, STATES, DriveSettings, empty_record, run_drive
+from drivelib.dfim_loop import CHANNELS, LIMITS, STATES, empty_record, run_drive
 from drivelib.dfim_scenario import DEFAULT_SCENARIO, FLUX_ESTIMATORS, Scenario
 from drivelib.speed_law import PiSpeed
 from drivelib.validation import nearest, number
@@ -31,7 +32,7 @@ class DriveRun:
 
     ``t``: recorded times (s). ``indices``: ErrorIndices over the window, from every sample. ``first_hits``:
     time (s) of the first sample at which each limit was hit, limits never hit left out. ``state``: final
-    state by name, SI units. ``T_e`` is sampled at the control instants, ``T_min`` and ``T_max`` are its
+    state by name, SI units. ``peak``: largest |Ω* − Ω| at a sample of the window (rad/s). ``T_e`` is sampled at the control instants, ``T_min`` and ``T_max`` are its
     extremes at the switching instants until the next recorded sample (equal to T_e with averaged inverters).
     """
 
@@ -41,6 +42,7 @@ class DriveRun:
     indices: metrics.ErrorIndices
     first_hits: dict
     state: dict
+    peak: float
 
     channels = CHANNELS
 
@@ -153,7 +155,7 @@ def simulate(scenario=DEFAULT_SCENARIO, speed=None, *, every=1, window=None):
     first, last = round(start / h), min(round(end / h), steps)
     changes, profiles = schedule(scenario)
     x, record = initial_state(scenario), empty_record(steps, every)
-    indices, hits = np.zeros(3), np.full(len(LIMITS), -1, dtype=np.int64)
+    indices, hits = np.zeros(4), np.full(len(LIMITS), -1, dtype=np.int64)
     failed = run_drive(
         steps, x, dfim.coefficients(scenario.machine), drive_settings(scenario), speed.law(),
         changes, profiles, (first, last), every, record, indices, hits,
@@ -165,7 +167,8 @@ def simulate(scenario=DEFAULT_SCENARIO, speed=None, *, every=1, window=None):
         scenario=scenario,
         t=np.arange(record.shape[0]) * (every * h),
         data=record,
-        indices=metrics.ErrorIndices(*indices.tolist(), (last - first) * h),
+        indices=metrics.ErrorIndices(*indices[:3].tolist(), (last - first) * h),
         first_hits={name: float(k * h) for name, k in zip(LIMITS, hits, strict=True) if k >= 0},
         state=state,
+        peak=float(indices[3]),
     )

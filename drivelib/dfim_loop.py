@@ -13,22 +13,16 @@ dies out with the currents' errors, the correction with it, and the frame keeps 
 """
 
 import math
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 
-from drivelib import control, dfim_decoupling, metrics
+from drivelib import metrics
+from drivelib.dfim_control import control_sample
 from drivelib.dfim_plant import averaged_period, turn
 from drivelib.pwm import switched_period
 from drivelib.speed_law import speed_command
 
-_compensation_terms = njit(cache=True, nogil=True)(dfim_decoupling.compensation_terms)
-_clip_vector = njit(cache=True, nogil=True)(control.clip_vector)
-_pi_output = njit(cache=True, nogil=True)(control.pi_output)
-_pi_integral = njit(cache=True, nogil=True)(control.pi_integral)
-_stator_frequency = njit(cache=True, nogil=True)(control.stator_frequency)
-_interval_indices = njit(cache=True, nogil=True)(metrics.interval_indices)
+_interval_indices = njit(cache=True, nogil=True, error_model="numpy")(metrics.interval_indices)
 
 CHANNELS = (
     "omega_ref", "omega_m", "T_ref", "T_e", "T_load", "i_sd", "i_sq", "i_rd", "i_rq", "phi_rd", "phi_rq",
@@ -43,38 +37,7 @@ LIMITS = ("torque", "stator voltage", "rotor voltage", "stator current", "rotor 
 CURRENT_MODEL, ROTOR_VOLTAGE_MODEL = range(2)
 
 
-class DriveSettings(NamedTuple):
-    """What the controller knows and is set to; SI units, names as in ``Scenario``. Carrier frequency 0: averaged."""
-
-    R_s: float
-    R_r: float
-    L_s: float
-    L_r: float
-    M: float
-    p: float
-    K_ps: float
-    K_is: float
-    K_pr: float
-    K_ir: float
-    phi_ref: float
-    T_limit: float
-    v_s_limit: float
-    v_r_limit: float
-    i_s_limit: float
-    i_r_limit: float
-    law: int
-    omega_r_constant: float
-    k_orientation: float
-    estimator: int
-    corner: float
-    period: float
-    substeps: int
-    carrier_frequency: float
-    V_dc_s: float
-    V_dc_r: float
-
-
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, record, indices, hits):
     """Run the drive for ``steps`` control periods; all results go into the arrays that are passed.
 
@@ -97,8 +60,9 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
     record : array, shape (samples, 23)
         In the order of CHANNELS, as the sample begins and with the voltages then chosen; the last two are
         the extremes of torque at the switching instants up to the next recorded sample.
-    indices : array, shape (3,)
-        IAE, ISE, ITAE (time from the window's start) are added to it.
+    indices : array, shape (4,)
+        IAE, ISE, ITAE (time from the window's start) are added to it; the last becomes the window's largest |error|
+        at a sample (rad/s) where that is larger.
     hits : int array, shape (5,)
         First sample at which each of LIMITS was hit, −1 where none was.
 
@@ -111,13 +75,8 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
     u_sd, u_sq, u_rd, u_rq, hat_d, hat_q = x[7], x[8], x[9], x[10], x[11], x[12]
     memory, e_previous, T_previous = x[13], x[14], x[15]
     h = s.period
-    k_r, k_s = s.M / s.L_r, s.M / s.L_s
-    sigma = 1.0 - s.M * s.M / (s.L_s * s.L_r)
-    per_torque = 2.0 * s.L_r / (3.0 * s.p * s.M)
-    i_sd_ref, floor = s.phi_ref / s.M, 0.2 * s.phi_ref
-    a_s, a_r = s.K_is / s.K_ps, s.K_ir / s.K_pr
     flux_bound, speed_bound = 1e2 * s.phi_ref, 1e5
-    iae = ise = itae = 0.0
+    iae = ise = itae = peak = 0.0
     omega_ref = T_load = 0.0
     R_r, row, change = plant.R_r, 0, 0
     instants, extremes = np.empty(6), np.empty(2)
@@ -136,28 +95,11 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
         if s.estimator == CURRENT_MODEL:
             hat_d, hat_q = model_d, model_q
 
-        # Frame speed: the law's share of the rotor speed, and the correction towards the estimated flux
-        omega_e = s.p * omega_m
-        usable = max(hat_d, floor)
-        omega_s = _stator_frequency(s.law, omega_e, s.omega_r_constant) + s.k_orientation * hat_q / usable
-        omega_r = omega_s - omega_e
-
-        # Speed controller, then the current references, eq. (16) mended
+        # Speed controller, then everything behind it
         e = omega_ref - omega_m
         T_ref, T_asked, memory_next = speed_command(speed, e, e_previous, memory, T_previous, s.T_limit, h)
-        i_sq_ref = per_torque * T_ref / usable
-        e_sd, e_sq, e_rd, e_rq = i_sd_ref - i_sd, i_sq_ref - i_sq, -i_rd, -k_r * i_sq_ref - i_rq
-
-        # Four current controllers, compensation (13)–(14), inverter voltages from (12)
-        c_sd, c_sq, c_rd, c_rq = _compensation_terms(
-            i_sd, i_sq, i_rd, i_rq, omega_s, omega_r, s.R_s, s.R_r, s.L_s, s.L_r, s.M
-        )
-        t_sd, t_sq = _pi_output(e_sd, u_sd, s.K_ps) + c_sd, _pi_output(e_sq, u_sq, s.K_ps) + c_sq
-        t_rd, t_rq = _pi_output(e_rd, u_rd, s.K_pr) + c_rd, _pi_output(e_rq, u_rq, s.K_pr) + c_rq
-        w_sd, w_sq = (t_sd + k_r * t_rd) / sigma, (t_sq + k_r * t_rq) / sigma
-        w_rd, w_rq = (t_rd + k_s * t_sd) / sigma, (t_rq + k_s * t_sq) / sigma
-        v_sd, v_sq = _clip_vector(w_sd, w_sq, s.v_s_limit)
-        v_rd, v_rq = _clip_vector(w_rd, w_rq, s.v_r_limit)
+        c = control_sample(i_sd, i_sq, i_rd, i_rq, hat_d, hat_q, omega_m, T_ref, u_sd, u_sq, u_rd, u_rq, s)
+        v_sd, v_sq, v_rd, v_rq, omega_s, omega_r = c.v_sd, c.v_sq, c.v_rd, c.v_rq, c.omega_s, c.omega_r
 
         if every > 0 and k % every == 0:
             T_e = plant.k_T * (phi_rd * i_sq - phi_rq * i_sd)
@@ -175,20 +117,16 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
 
         if hits[0] < 0 and T_ref != T_asked:
             hits[0] = k
-        if hits[1] < 0 and (v_sd != w_sd or v_sq != w_sq):
+        if hits[1] < 0 and (v_sd != c.w_sd or v_sq != c.w_sq):
             hits[1] = k
-        if hits[2] < 0 and (v_rd != w_rd or v_rq != w_rq):
+        if hits[2] < 0 and (v_rd != c.w_rd or v_rq != c.w_rq):
             hits[2] = k
         if hits[3] < 0 and i_sd * i_sd + i_sq * i_sq > s.i_s_limit**2:
             hits[3] = k
         if hits[4] < 0 and i_rd * i_rd + i_rq * i_rq > s.i_r_limit**2:
             hits[4] = k
 
-        # Integrators: back-calculation from the combined voltages that both inverters really gave
-        u_sd = _pi_integral(u_sd, e_sd, t_sd, v_sd - k_r * v_rd, s.K_is, a_s, h)
-        u_sq = _pi_integral(u_sq, e_sq, t_sq, v_sq - k_r * v_rq, s.K_is, a_s, h)
-        u_rd = _pi_integral(u_rd, e_rd, t_rd, v_rd - k_s * v_sd, s.K_ir, a_r, h)
-        u_rq = _pi_integral(u_rq, e_rq, t_rq, v_rq - k_s * v_sq, s.K_ir, a_r, h)
+        u_sd, u_sq, u_rd, u_rq = c.u_sd, c.u_sq, c.u_rd, c.u_rq
         memory, e_previous, T_previous = memory_next, e, T_ref
 
         before = omega_m
@@ -210,9 +148,9 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
             # Trapezoid of v_r − R_r i_r in the rotor frame, seen from this one; the corner ties it to the currents
             end_rd = plant.Gamma_r * phi_rd - plant.Gamma_m * phi_sd
             end_rq = plant.Gamma_r * phi_rq - plant.Gamma_m * phi_sq
-            c, sn = math.cos(0.5 * h * omega_r), math.sin(0.5 * h * omega_r)
-            hat_d, hat_q = turn(hat_d - 0.5 * h * s.R_r * i_rd, hat_q - 0.5 * h * s.R_r * i_rq, c, sn)
-            hat_d, hat_q = turn(hat_d + h * v_rd, hat_q + h * v_rq, c, sn)
+            co, si = math.cos(0.5 * h * omega_r), math.sin(0.5 * h * omega_r)
+            hat_d, hat_q = turn(hat_d - 0.5 * h * s.R_r * i_rd, hat_q - 0.5 * h * s.R_r * i_rq, co, si)
+            hat_d, hat_q = turn(hat_d + h * v_rd, hat_q + h * v_rq, co, si)
             end_d = s.L_r * end_rd + s.M * (plant.Gamma_s * phi_sd - plant.Gamma_m * phi_rd)
             end_q = s.L_r * end_rq + s.M * (plant.Gamma_s * phi_sq - plant.Gamma_m * phi_rq)
             hat_d += -0.5 * h * s.R_r * end_rd + h * s.corner * (end_d - hat_d)
@@ -223,6 +161,7 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
             iae += more[0]
             ise += more[1]
             itae += more[2]
+            peak = max(peak, abs(e))
         if not (abs(omega_m) < speed_bound and abs(phi_rd) + abs(phi_rq) + abs(phi_sd) + abs(phi_sq) < flux_bound):
             _keep(x, phi_sd, phi_sq, phi_rd, phi_rq, omega_m, theta_m, theta_s)
             return k + 1
@@ -233,6 +172,7 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
     indices[0] += iae
     indices[1] += ise
     indices[2] += itae
+    indices[3] = max(indices[3], peak)
     return -1
 
 

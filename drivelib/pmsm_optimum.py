@@ -222,12 +222,13 @@ def _minimiser(machine, p, g, q):
 def _root(machine, b, k, q):
     a = machine.psi_f - b * machine.delta_L
     mu = k * (machine.delta_L * q) ** 2 / a**4  # y³ (y − 1) = μ with y = x/a
-    excess = np.sqrt(np.sqrt(mu))  # y − 1, from above
+    excess = np.minimum(mu, np.sqrt(np.sqrt(mu)))  # y − 1, from above: the root lies below both
     for _ in range(NEWTON_STEPS):
         y = 1 + excess
-        step = (y**3 * excess - mu) / (y**2 * (4 * excess + 1))
+        squared = y * y
+        step = (squared * y * excess - mu) / (squared * (4 * excess + 1))
         excess = excess - step
-        if np.all(np.abs(step) <= 4e-16 * excess + 1e-300):
+        if np.all(np.abs(step) <= 1e-9 * excess + 1e-300):  # what is left is the square of that
             break
     x = a * (1 + np.maximum(excess, 0))
     return machine.delta_L * k * (q / x) ** 2 / x - b
@@ -235,21 +236,34 @@ def _root(machine, b, k, q):
 
 def _nearest_allowed(machine, form, bound, q, start):
     """Return ``start`` where F ≤ bound there, else the end of the allowed interval on its side, else NaN."""
-    p, g, _ = form
-    bottom = _minimiser(machine, p, g, q)
-    reachable = _form(machine, *form, bottom, q) <= bound
+    outside = _form(machine, *form, start, q) > bound
     i = np.array(start, dtype=float)
+    if np.any(outside):
+        p, g, c = form
+        g, c = (np.broadcast_to(values, outside.shape)[outside] for values in (g, c))
+        i[outside] = _end(machine, (p, g, c), bound, q[outside], i[outside])
+    return i
+
+
+def _end(machine, form, bound, q, i):
+    """Return the end of the interval in which F ≤ bound that lies on the side of i, NaN where there is none; flat arrays."""
+    p, g, c = form
+    reachable = _form(machine, *form, _minimiser(machine, p, g, q), q) <= bound
+    i = np.where(reachable, i, np.nan)
+    moving = np.flatnonzero(reachable)
     for _ in range(NEWTON_STEPS):
-        excess = _form(machine, *form, i, q) - bound
-        x = machine.psi_f + machine.delta_L * i
+        at, g_at, q_at = i[moving], g[moving], q[moving]
+        excess = _form(machine, p, g_at, c[moving], at, q_at) - bound
+        x = machine.psi_f + machine.delta_L * at
         slope = 2 * (
-            p * i
-            + g * machine.L_d * (machine.psi_f + machine.L_d * i)
-            - (p + g * machine.L_q**2) * machine.delta_L * q**2 / x**3
+            p * at
+            + g_at * machine.L_d * (machine.psi_f + machine.L_d * at)
+            - (p + g_at * machine.L_q**2) * machine.delta_L * q_at**2 / x**3
         )
-        outside = reachable & (excess > 0) & (slope != 0)
+        outside = (excess > 0) & (slope != 0)
         step = np.where(outside, excess / np.where(slope == 0, 1, slope), 0.0)
-        i = i - step  # convex: from outside, Newton never oversteps the end
-        if np.all(np.abs(step) <= 1e-14 * np.abs(i) + 1e-16):
+        i[moving] = at - step  # convex: from outside, Newton never oversteps the end
+        moving = moving[np.abs(step) > 1e-14 * np.abs(at - step) + 1e-16]
+        if moving.size == 0:
             break
-    return np.where(reachable, i, np.nan)
+    return i

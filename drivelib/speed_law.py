@@ -20,9 +20,9 @@ PI, FUZZY_POSITION, FUZZY_INCREMENTAL, NETWORK, NETWORK_INCREMENTAL = range(5)
 TANH, LOGISTIC = range(2)
 ACTIVATIONS = {"tanh": TANH, "logistic": LOGISTIC}
 
-_clip = njit(cache=True, nogil=True)(control.clip)
-_pi_output = njit(cache=True, nogil=True)(control.pi_output)
-_pi_integral = njit(cache=True, nogil=True)(control.pi_integral)
+_clip = njit(cache=True, nogil=True, error_model="numpy")(control.clip)
+_pi_output = njit(cache=True, nogil=True, error_model="numpy")(control.pi_output)
+_pi_integral = njit(cache=True, nogil=True, error_model="numpy")(control.pi_integral)
 
 
 class SpeedLaw(NamedTuple):
@@ -51,7 +51,7 @@ def _law(kind, K_p=0.0, K_i=0.0, K_e=0.0, K_de=0.0, K_u=0.0, W1=None, B1=None, W
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def network_output(law, e, de, integral):
     """Return W2 · act(W1 x + B1) + B2 for the input x, the first columns of (e, Δe, ∫e dt) that W1 takes."""
     u = law.B2
@@ -69,7 +69,7 @@ def network_output(law, e, de, integral):
     return u
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _rule_or_network(law, e, e_previous, memory, T_previous, T_limit, period):
     de = e - e_previous
     if law.kind == FUZZY_POSITION or law.kind == FUZZY_INCREMENTAL:
@@ -85,8 +85,16 @@ def _rule_or_network(law, e, e_previous, memory, T_previous, T_limit, period):
     return torque, asked, memory
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def pi_command(K_p, K_i, e, memory, T_limit, period):
+    """Return what ``speed_command`` does, of a PI controller."""
+    asked = _pi_output(e, memory, K_p)
+    torque = _clip(asked, T_limit)
+    return torque, asked, _pi_integral(memory, e, asked, torque, K_i, K_i / K_p, period)
+
+
 # Inlined, or passing the networks' arrays costs the PI loop a fifth of its time.
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def speed_command(law, e, e_previous, memory, T_previous, T_limit, period):
     """Return the torque reference (N m) and the next memory for one sample.
 
@@ -108,9 +116,7 @@ def speed_command(law, e, e_previous, memory, T_previous, T_limit, period):
         Limited reference and what the law asked for (N m), and the memory.
     """
     if law.kind == PI:
-        asked = _pi_output(e, memory, law.K_p)
-        torque = _clip(asked, T_limit)
-        return torque, asked, _pi_integral(memory, e, asked, torque, law.K_i, law.K_i / law.K_p, period)
+        return pi_command(law.K_p, law.K_i, e, memory, T_limit, period)
     return _rule_or_network(law, e, e_previous, memory, T_previous, T_limit, period)
 
 

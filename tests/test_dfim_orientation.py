@@ -77,7 +77,7 @@ def test_integrators_set_against_each_other_unwind():
     record = empty_record(scenario.steps, 1)
     failed = run_drive(
         scenario.steps, x, dfim.coefficients(scenario.machine), drive_settings(scenario), speed, changes, profiles,
-        (0, 1), 1, record, np.zeros(3), np.full(5, -1),
+        (0, 1), 1, record, np.zeros(4), np.full(5, -1),
     )  # fmt: skip
     assert failed == -1
     q = free.channels.index("phi_rq")
