@@ -173,8 +173,8 @@ def _window(holding, cases):
 
 
 def papers():
-    """Return every paper's ledger by id."""
-    return {path.stem: load(path) for path in sorted(paths.ledgers().glob("*.toml"))}
+    """Return every ledger by id, the papers before what goes beyond them."""
+    return {path.stem: load(path) for path in sorted(paths.ledgers().glob("*.toml"), key=lambda path: (path.stem == "beyond", path.stem))}
 
 
 @cache

@@ -186,7 +186,8 @@ class Record:
             ours += f" (as printed: {judgement.as_printed:.4g})"
         deviation = f"{judgement.deviation:+.2g}" if judgement.deviation is not None else ""
         what = f"{claim.measure} [{claim.unit}]" if claim.unit else claim.measure
-        return f"| `{claim.id}` | {what} | {paper} | {ours} | {deviation} | {allowed} | {self._verdict(judgement)} |"
+        said = [f"`{claim.id}`", what, paper, ours, deviation, allowed, self._verdict(judgement)]
+        return "| " + " | ".join(table_cell(text) for text in said) + " |"
 
     def _claim(self, judgement):
         return {
@@ -210,6 +211,11 @@ def describe(claim):
     bounds = " to ".join(f"{bound:g}" for bound in (claim.threshold if isinstance(claim.threshold, tuple) else (claim.threshold,)))
     symbol = {"<=": "≤", ">=": "≥", "==": "=", "between": ""}[claim.relation]
     return "in words", f"{symbol} {bounds}: {claim.reason}".strip()
+
+
+def table_cell(text):
+    """Return a text as it must stand in a cell of a Markdown table."""
+    return text.replace("|", "\\|")
 
 
 def rounded(value):

@@ -12,16 +12,20 @@ import pytest
 import sympy as sp
 from numpy.testing import assert_allclose
 
-from drivelib import derivations, pmsm, pmsm_angle, pmsm_optimum
+from drivelib import derivations, pmsm, pmsm_angle, pmsm_optimum, symbolic
 from drivelib.derivations import (
-    D, P, R_c, R_s, T, V_d, V_q, i_d, i_od, i_oq, i_q, is_homogeneous, lam, lam_0, w,
+    D, P, R_c, R_s, T, V_d, V_q, i_d, i_od, i_oq, i_q, lam, lam_0, w,
 )  # fmt: skip
 from drivelib.derivations import B, J, L_d, L_q, L_s, T_L, dw_m, w_m
-from drivelib.machines import PmsmParameters
+from drivelib.machines import IPMSM, PmsmParameters
 
 MISPRINTED = {"eq05", "eq06", "eq10", "eq11", "eq15", "eq16"}  # (5), (6): the 3/2 of (3) is missing
 INHOMOGENEOUS = {"eq10", "eq11", "eq15"}
 NAMES = [f"eq{number:02d}" for number in range(3, 21)]
+
+
+def is_homogeneous(expression, dimension):
+    return symbolic.is_homogeneous(expression, dimension, derivations.rated_point(IPMSM), derivations.DIMENSIONS)
 
 
 @functools.cache

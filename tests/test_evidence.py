@@ -119,3 +119,19 @@ def test_every_number_in_a_finding_comes_from_a_result():
         assert len(said) == len(paper.findings) or any(id_ not in ITEMS for id_ in paper.items)
         for sentence in said:
             assert "{" not in sentence
+
+
+def test_no_public_function_of_the_physics_is_left_unused():
+    """Each is named by a claim, called in a notebook, or called by another file of drivelib."""
+    named = {name for claim in CLAIMS.values() for name in claim.functions}
+    texts = ["\n".join(notebook.code(notebook.read(paths.notebook(item)))) for item in ITEMS]
+    package = paths.root() / "drivelib"
+    sources = {path.stem: path.read_text() for path in package.rglob("*.py")}
+    for module in ("pmsm", "pmsm_optimum", "pmsm_angle", "circuits", "identification", "curves", "networks", "dfim", "dfim_decoupling", "metrics"):
+        public = [name for name, value in vars(importlib.import_module(f"drivelib.{module}")).items() if getattr(value, "__module__", "") == f"drivelib.{module}"]
+        for name in public:
+            if name.startswith("_") or f"{module}.{name}" in named:
+                continue
+            elsewhere = "\n".join([*texts, *(text for stem, text in sources.items() if stem != module)])
+            inside = len(re.findall(rf"\b{name}\b", sources[module])) > 1
+            assert inside or re.search(rf"\b{name}\b", elsewhere), f"{module}.{name}"

@@ -4,7 +4,7 @@ import json
 from string import Formatter
 
 from drivelib import ledger, paths
-from drivelib.record import write_atomically
+from drivelib.record import table_cell, write_atomically
 
 BEGIN, END = "<!-- verdicts: begin (rendered by `python -m drivelib reproduce`) -->", "<!-- verdicts: end -->"
 OPEN = "open"
@@ -103,23 +103,27 @@ def update_readme(found):
 def _block(found, folder):
     lines = []
     for paper in ledger.papers().values():
-        mine = [row for row in rows(found) if row[0].id in paper.claims]
-        open_ = [claim for claim, result, _ in mine if result is None]
+        place = {id_: number for number, id_ in enumerate(paper.items)}
+        mine = sorted((row for row in rows(found) if row[0].id in paper.claims), key=lambda row: place[row[0].item])
         counts = {verdict: sum(v == verdict for *_, v in mine) for verdict in (*ledger.VERDICTS, OPEN)}
         lines.append(f"\n**{paper.citation}** " + ", ".join(f"{count} {name}" for name, count in counts.items() if count) + ".\n")
-        lines += [f"- {sentence}" for sentence in findings(paper, folder)] + [""]
-        if len(open_) < len(mine):
+        lines += [f"- {sentence}" for sentence in findings(paper, folder)]
+        judged = [row for row in mine if row[1] is not None]
+        if judged:
+            lines += [f"\n<details><summary>All {len(judged)} claims, with number and verdict</summary>\n"]
             lines += ["| item | claim | measured | paper | ours | verdict |", "|---|---|---|---|---:|---|"]
-        for claim, result, verdict in mine:
-            if result is None:
-                continue
-            stem = claim.item.split("/")[1]
-            link = f"[{stem.split('_')[0]}](notebooks/{claim.item}.ipynb)"
-            lines.append(f"| {link} | `{claim.id.split('/', 1)[1]}` {claim.text} | {claim.measure} | {asked(claim)} | {ours(claim, result)} | **{verdict}** |")
-        if open_:
-            ids = ", ".join(f"`{claim.id.split('/', 1)[1]}`" for claim in open_)
+            lines += [_row(*row) for row in judged]
+            lines += ["\n</details>"]
+        if len(judged) < len(mine):
+            ids = ", ".join(f"`{claim.id.split('/', 1)[1]}`" for claim, result, _ in mine if result is None)
             lines.append(f"\nOpen, because their notebooks are still to come: {ids}.")
     return "\n".join(lines)
+
+
+def _row(claim, result, verdict):
+    link = f"[{claim.item.split('/')[1].split('_')[0]}](notebooks/{claim.item}.ipynb)"
+    said = [f"`{claim.id.split('/', 1)[1]}` {claim.text}", claim.measure, asked(claim), ours(claim, result), f"**{verdict}**"]
+    return f"| {link} | " + " | ".join(table_cell(text) for text in said) + " |"
 
 
 def asked(claim):
