@@ -32,6 +32,6 @@ lab: venv
 lock:
 	$(PYTHON) -m venv build/lock
 	build/lock/bin/pip install --quiet uv==0.13.9
-	build/lock/bin/uv pip compile pyproject.toml --upgrade --extra test --universal --fork-strategy fewest \
+	build/lock/bin/uv pip compile pyproject.toml --upgrade --extra test --extra site --universal --fork-strategy fewest \
 	    --python-version 3.11 --generate-hashes --exclude-newer $(LOCK_DATE) --find-links $(TORCH_WHEELS) \
 	    --custom-compile-command "make lock LOCK_DATE=$(LOCK_DATE)" --no-annotate --quiet -o environment.lock

@@ -124,8 +124,8 @@ def onnx_model(network, name="motor"):
 
     Raises
     ------
-    ImportError
-        Where the package ``onnx`` is not installed; it is not part of the lock.
+    ValueError
+        If the network's activation is not tanh.
     """
     from onnx import TensorProto, checker, helper, numpy_helper
 
@@ -143,15 +143,14 @@ def onnx_model(network, name="motor"):
 
 
 def files(found, network, *, headroom=0.95):
-    """Return ``{file name: bytes}``: header, look-up table, and ONNX where the package ``onnx`` is installed."""
+    """Return ``{file name: bytes}``: header, look-up table and ONNX model."""
     number("headroom", headroom, "", above=0, at_most=1)
     prefix = c_name(found.machine.name)
-    made = {f"{prefix}.h": c_header(found, network, headroom=headroom).encode(), f"{prefix}.csv": table_csv(found).encode()}
-    try:
-        made[f"{prefix}.onnx"] = onnx_model(network, found.machine.name)
-    except ImportError:
-        pass  # an optional package
-    return made
+    return {
+        f"{prefix}.h": c_header(found, network, headroom=headroom).encode(),
+        f"{prefix}.csv": table_csv(found).encode(),
+        f"{prefix}.onnx": onnx_model(network, found.machine.name),
+    }
 
 
 def write(folder, made):

@@ -257,7 +257,6 @@ if __name__ == "__main__":
 
 
 def test_a_dask_cluster_gives_the_same_bytes_and_survives_a_killed_worker(tmp_path):
-    pytest.importorskip("distributed", reason="needs distributed (the extra 'scale')")
     script = tmp_path / "on_dask.py"
     script.write_text(DASK)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}

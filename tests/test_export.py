@@ -199,7 +199,6 @@ def test_the_table_holds_the_map_with_flags(motor):
 
 def test_onnx_gives_the_same_currents(motor):
     """By the reference evaluator of the package onnx, in single precision."""
-    pytest.importorskip("onnx", reason="needs the package onnx, which is not in the lock")
     from onnx.reference import ReferenceEvaluator
 
     _, network = motor
@@ -210,7 +209,7 @@ def test_onnx_gives_the_same_currents(motor):
 
 def test_files_are_written_whole_and_named_after_the_machine(some_map, tmp_path):
     made = export.files(some_map, harsh(0))
-    assert {"ipmsm_2_2_kw.h", "ipmsm_2_2_kw.csv"} <= set(made)
+    assert set(made) == {"ipmsm_2_2_kw.h", "ipmsm_2_2_kw.csv", "ipmsm_2_2_kw.onnx"}
     assert {path.name: path.read_bytes() for path in export.write(tmp_path / "new", made)} == made
 
 

@@ -2,7 +2,7 @@
 
     python tests/benchmarks/on_cluster.py --drives 1000000 --workers 2
 
-Needs the extra ``scale``. Scheduler and workers are started with Dask's own commands, as they would be on machines
+Scheduler and workers are started with Dask's own commands, as they would be on machines
 of their own; on those, give the workers the pins of ``drivelib.environment`` too, or the last bits differ.
 """
 
