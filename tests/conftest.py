@@ -11,7 +11,7 @@ import psutil
 import pytest
 
 from drivelib import environment, notebook
-from drivelib.pack import worker
+from drivelib.pack import tokens
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 
@@ -115,7 +115,7 @@ class Mini:
         for process in psutil.process_iter():
             try:
                 environment_ = process.environ()
-                mine = worker.TOKEN in environment_ and environment_.get("DRIVELIB_ROOT") == str(self.root)
+                mine = environment_.get(tokens.TOKEN, tokens.NO_RUN) != tokens.NO_RUN and environment_.get("DRIVELIB_ROOT") == str(self.root)
                 if mine and process.status() != psutil.STATUS_ZOMBIE:
                     left.append(process)
             except psutil.Error:

@@ -53,7 +53,7 @@ def _publish(console, chosen, options):
     failures = []
     try:
         run_parts = {id_: freshness.parts(item) for id_, item in stale.items()}
-        for outcome in _watched(console, stale, options.jobs, stage, seed=options.seed):
+        for outcome in _watched(console, stale, options, stage, seed=options.seed):
             if outcome.failure is None:
                 # What it read may have been published since this run began.
                 now = freshness.parts(stale[outcome.item]) if stale[outcome.item].needs else run_parts[outcome.item]
@@ -81,7 +81,7 @@ def _check(console, chosen, options):
     stage = Path(tempfile.mkdtemp(prefix="drivelib-check-"))
     seed = random.SystemRandom().randrange(10**6) if options.seed is None else options.seed
     try:
-        failures = [outcome for outcome in _watched(console, chosen, options.jobs, stage, check=True, seed=seed) if outcome.failure]
+        failures = [outcome for outcome in _watched(console, chosen, options, stage, check=True, seed=seed) if outcome.failure]
         differences = check.differences(stage, chosen) + [f"{name}: belongs to no notebook" for name in check.orphans(runner.items())]
         found = report.results(stage / "figures")
         readme = (paths.root() / "README.md").read_text(encoding="utf-8")
@@ -165,7 +165,7 @@ def clean_notebooks(options):
     return 0
 
 
-def _watched(console, chosen, jobs, stage, check=False, seed=None):
+def _watched(console, chosen, options, stage, check=False, seed=None):
     """Run items with one live display; yield each `runner.Outcome`."""
     if not chosen:
         return
@@ -179,14 +179,14 @@ def _watched(console, chosen, jobs, stage, check=False, seed=None):
         def show():
             ahead = sum(expected[id_] for id_ in chosen if id_ not in {outcome.item for outcome in outcomes})
             done = sum(expected[outcome.item] for outcome in outcomes)
-            pace = (time.monotonic() - began) / done if done else 1 / jobs
+            pace = (time.monotonic() - began) / done if done else 1 / options.jobs
             progress.update(task, completed=len(outcomes), description=", ".join(busy) or "done", left=f"{ahead * pace:.0f} s left")
 
         def start(_, id_):
             busy.append(id_)
             show()
 
-        for outcome in runner.run(chosen, jobs=jobs, stage=stage, mirror=check, seed=seed, report=start):
+        for outcome in runner.run(chosen, jobs=options.jobs, stage=stage, mirror=check, seed=seed, fork=not options.plain, report=start):
             outcomes.append(outcome)
             if outcome.item in busy:
                 busy.remove(outcome.item)

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import multiprocessing
 import os
 import random
 import shutil
@@ -18,7 +17,7 @@ from multiprocessing import connection
 from pathlib import Path
 
 from drivelib import environment, ledger, notebook, paths, record
-from drivelib.pack import freshness
+from drivelib.pack import freshness, preloaded, tokens, worker
 from drivelib.validation import nearest
 
 STARTUP_SECONDS = 60  # beyond the notebook's own limit, before the run is killed
@@ -36,6 +35,7 @@ class Job:
     seconds: float
     output_limit: int
     token: str
+    fork: bool
 
 
 @dataclass
@@ -100,25 +100,26 @@ def limits(item_id):
     return values["beyond_seconds" if item_id.startswith("beyond/") else "notebook_seconds"], values["output_bytes"]
 
 
-def run(chosen, *, jobs, stage, publish=True, mirror=False, parameters=None, seed=None, report=lambda *_: None):
+def run(chosen, *, jobs, stage, publish=True, mirror=False, parameters=None, seed=None, fork=True, report=lambda *_: None):
     """Run items, at most ``jobs`` at once, into the folder ``stage``; yield an `Outcome` as each ends.
 
     An item waits for the items it needs; when one of those fails, it fails too, unrun. Whoever takes an outcome may
     set its ``failure`` before asking for the next. ``publish=False`` marks the results as not published (other
     parameters). With ``mirror=True`` items read the numbers they need from ``stage`` instead of the published ones.
     With a ``seed`` the order is shuffled; the hash seed is then drawn from it too where nothing is published (mirror).
+    Kernels are forked from a process that has imported what the items need, where that is safe (see `preloaded`); with
+    ``fork=False`` each is started as a new Python.
     Whatever ends this generator, no process survives it.
     """
     draw = random.Random(seed)
     rank = {id_: draw.random() if seed is not None else -freshness.record(id_).get("seconds", 10) for id_ in chosen}
     changes = {"PYTHONHASHSEED": draw.randrange(1, 2**32)} if seed is not None and mirror else {}
-    context = multiprocessing.get_context("forkserver" if os.name != "nt" else "spawn")
-    if os.name != "nt":
-        context.set_forkserver_preload(["drivelib.pack.worker"])
     order = TopologicalSorter({id_: [needed for needed in item.needs if needed in chosen] for id_, item in chosen.items()})
     order.prepare()
     waiting, running, failed = [], {}, set()
+    private = Path(tempfile.mkdtemp(prefix="drv"))
     try:
+        context = _context(chosen, private, changes, fork)
         while order.is_active():
             waiting += order.get_ready()
             waiting.sort(key=rank.get)  # longest first keeps all cores busy
@@ -132,7 +133,7 @@ def run(chosen, *, jobs, stage, publish=True, mirror=False, parameters=None, see
                     continue
                 began = time.monotonic()
                 try:
-                    run_ = _Run(context, id_, Path(stage), publish, mirror, parameters or {}, changes)
+                    run_ = _Run(context, id_, Path(stage), publish, mirror, parameters or {}, changes, fork)
                 except (OSError, ValueError) as error:
                     failed.add(id_)
                     order.done(id_)
@@ -155,26 +156,41 @@ def run(chosen, *, jobs, stage, publish=True, mirror=False, parameters=None, see
     finally:
         for run_ in running.values():
             run_.kill()
+        shutil.rmtree(private, ignore_errors=True)
+
+
+def _context(chosen, private, changes, fork):
+    """Return where workers come from: a process with the kernels' environment and, to fork from, what the items import."""
+    variables = _kernel_environment(private, changes) | {tokens.TOKEN: tokens.NO_RUN}
+    modules = ["drivelib.pack.engine"]
+    if fork:
+        code = [text for id_ in chosen for text in notebook.code(notebook.read(paths.notebook(id_)))]
+        files = freshness.closure(code)
+        modules += [*preloaded.KERNEL, *(f"drivelib.{file.removesuffix('.py').replace('/', '.')}" for file in files)]
+    return preloaded.context(variables, modules)
+
+
+def _kernel_environment(private, changes, **extra):
+    variables = environment.kernel(private, DRIVELIB_ROOT=paths.root(), PYTHONPATH=freshness.PACKAGE.parent, **extra)
+    return variables | {name: str(value) for name, value in changes.items()}
 
 
 class _Run:
     """One running notebook: its worker process, its private folder and its deadline."""
 
-    def __init__(self, context, item, stage, publish, mirror, parameters, changes):
+    def __init__(self, context, item, stage, publish, mirror, parameters, changes, fork):
         self.item, self.stage, self.started = item, stage, time.monotonic()
         self.limit, output_limit = limits(item)
         self.deadline = self.started + self.limit + STARTUP_SECONDS
         self.token = uuid.uuid4().hex
         self.private = Path(tempfile.mkdtemp(prefix="drv"))  # short: a unix socket's path has 107 characters at most
         try:
-            self._start(context, publish, mirror, parameters, changes, output_limit)
+            self._start(context, publish, mirror, parameters, changes, output_limit, fork)
         except BaseException:
             shutil.rmtree(self.private, ignore_errors=True)
             raise
 
-    def _start(self, context, publish, mirror, parameters, changes, output_limit):
-        from drivelib.pack import worker
-
+    def _start(self, context, publish, mirror, parameters, changes, output_limit, fork):
         item, stage = self.item, self.stage
         content = notebook.read(paths.notebook(item))
         for cell in content["cells"]:
@@ -182,12 +198,13 @@ class _Run:
                 cell["outputs"], cell["execution_count"] = [], None
         (self.private / "source.ipynb").write_bytes(notebook.dumps(content))
         self.folder = stage / "figures" / Path(item).parent
-        where = {record.PUBLISH if publish else record.OUT: self.folder}
-        environment_ = environment.kernel(self.private, DRIVELIB_ROOT=paths.root(), **{worker.TOKEN: self.token}, **where)
-        environment_[record.READ] = str(stage / "figures" if mirror else paths.root() / "figures")
-        environment_["PYTHONPATH"] = str(freshness.PACKAGE.parent)
-        environment_ |= {name: str(value) for name, value in changes.items()}
-        job = Job(item, str(self.private), environment_, parameters, self.limit, output_limit, self.token)
+        where = {
+            record.PUBLISH if publish else record.OUT: self.folder,
+            record.READ: stage / "figures" if mirror else paths.root() / "figures",
+            tokens.TOKEN: self.token,
+        }
+        variables = _kernel_environment(self.private, changes, **where)
+        job = Job(item, str(self.private), variables, parameters, self.limit, output_limit, self.token, fork)
         self.receiver, sender = context.Pipe(duplex=False)
         self.process = context.Process(target=worker.execute, args=(job, sender), daemon=True)
         self.process.start()
@@ -210,11 +227,9 @@ class _Run:
 
     def kill(self):
         """End every process of this run and remove its private folder."""
-        from drivelib.pack import worker
-
         self.process.kill()
         self.process.join()
-        worker.sweep(self.token)
+        tokens.sweep(self.token)
         self.receiver.close()
         shutil.rmtree(self.private, ignore_errors=True)
 
