@@ -6,10 +6,12 @@
 import os
 from pathlib import Path
 
+_HERE = Path(__file__).resolve().parent.parent
+
 
 def root():
     """Return the folder that holds notebooks/, figures/ and the ledgers."""
-    return Path(os.environ.get("DRIVELIB_ROOT") or Path(__file__).resolve().parent.parent)
+    return Path(os.environ.get("DRIVELIB_ROOT") or _HERE)
 
 
 def ledgers():

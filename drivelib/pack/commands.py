@@ -45,7 +45,8 @@ def reproduce(options):
 
 
 def _publish(console, chosen, options):
-    reasons = {id_: freshness.why_stale(item) for id_, item in chosen.items()}
+    seen = {}
+    reasons = {id_: freshness.why_stale(item, seen) for id_, item in chosen.items()}
     stale = {id_: item for id_, item in chosen.items() if options.force or reasons[id_]}
     provenance = environment.provenance() | {"revision": _revision()} if stale else {}
     publishing.clear_leftovers()
@@ -122,8 +123,9 @@ def run(options):
 def status(options):
     """Print what is stale and why."""
     console = Console()
+    seen = {}
     for id_, item in runner.items().items():
-        reasons = freshness.why_stale(item)
+        reasons = freshness.why_stale(item, seen)
         console.print(f"{id_}: " + (f"[yellow]stale[/]: {'; '.join(reasons)}" if reasons else "[green]fresh[/]"), highlight=False, soft_wrap=True)
     return 0
 

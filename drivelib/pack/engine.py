@@ -2,10 +2,14 @@
 
 import os
 import sys
+import time
 from pathlib import Path
+from queue import Empty
 
 sys.modules.setdefault("rfc3987_syntax", None)  # half of papermill's import time, for a check that nobody asks for
 
+import nbformat  # noqa: E402
+from jupyter_client.asynchronous import AsyncKernelClient  # noqa: E402
 from jupyter_client.manager import AsyncKernelManager  # noqa: E402
 from papermill.clientwrap import PapermillNotebookClient  # noqa: E402
 from papermill.engines import NBClientEngine, papermill_engines  # noqa: E402
@@ -22,6 +26,27 @@ class OutputTooLarge(RuntimeError):
 
 class StartFailure(RuntimeError):
     """The kernel did not start; nothing of the notebook has run."""
+
+
+class _Channels(AsyncKernelClient):
+    """Jupyter's own client waits 0.2 s for stray messages before it calls a kernel ready; this one knows which come."""
+
+    async def wait_for_ready(self, timeout):
+        """Wait until a request is answered on both channels: the reply, and that the kernel is idle again."""
+        deadline = time.monotonic() + timeout
+        while True:
+            request = self.kernel_info()
+            try:
+                await self.get_shell_msg(timeout=1)
+                message = {"content": {}}
+                while message["content"].get("execution_state") != "idle" or message["parent_header"].get("msg_id") != request:
+                    message = await self.get_iopub_msg(timeout=0.2)
+                return
+            except Empty:  # it is not there yet, or was before we listened
+                if not await self.is_alive():
+                    raise RuntimeError("Kernel died before it was ready") from None
+                if time.monotonic() > deadline:
+                    raise RuntimeError(f"Kernel was not ready within {timeout:g} s") from None
 
 
 class _Client(PapermillNotebookClient):
@@ -59,6 +84,7 @@ class _Engine(NBClientEngine):
             kernel_name=kernel_name,
             kernel_spec_manager=kernels.OwnKernel(),
             connection_file=str(folder / "kernel.json"),  # without a file of its own, kernels on ipc talk across
+            client_factory=_Channels,
             **transport,
         )
         if forked is not None:
@@ -70,6 +96,7 @@ class _Engine(NBClientEngine):
 
 
 papermill_engines.register("drivelib", _Engine)
+nbformat.validate(nbformat.v4.new_notebook())  # compiles its schema once for all forks
 
 
 def execute(job, forked=None):
@@ -90,6 +117,7 @@ def execute(job, forked=None):
                 engine_name="drivelib",
                 kernel_name="python3",
                 progress_bar=False,
+                request_save_on_cell_execute=False,  # it would write the whole notebook twice per cell
                 cwd=str(private),
                 job=job,
                 folder=folder,

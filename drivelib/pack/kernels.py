@@ -4,10 +4,12 @@ A forked kernel is a process like the other, with a session, an environment, a s
 own. It shares nothing with other kernels but what was imported before the fork.
 """
 
+import asyncio
 import os
 import signal
 import sys
 import traceback
+from pathlib import Path
 
 import psutil
 from jupyter_client.kernelspec import KernelSpec, KernelSpecManager
@@ -56,6 +58,12 @@ class ForkedProvisioner(LocalProvisioner):
         self.process, self.pid, self.pgid = self.forked, self.forked.pid, self.forked.pid
         self.forked.begin(self.parent.connection_file)
         return self.connection_info
+
+    async def post_launch(self, **options):
+        """Wait for its last socket: a client that finds none looks again only after 0.1 s."""
+        socket = Path(f"{self.connection_info['ip']}-{self.connection_info['hb_port']}")
+        while not socket.exists() and self.process.poll() is None:
+            await asyncio.sleep(0.002)
 
 
 def can_fork(variables):

@@ -13,8 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from matplotlib.testing.compare import compare_images
-from PIL import Image
 
 from drivelib import ledger
 from drivelib.pack import check, freshness
@@ -142,6 +140,9 @@ def picture_difference(old, new, folder):
 
     Works on copies in ``folder``; equal pixels give an RMS of 0 and no difference picture.
     """
+    from matplotlib.testing.compare import compare_images  # slow to import, and seldom needed
+    from PIL import Image
+
     try:
         sizes = [Image.open(io.BytesIO(path.read_bytes())).convert("RGB").size for path in (old, new)]
     except OSError:  # no whole picture
