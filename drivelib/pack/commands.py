@@ -45,37 +45,48 @@ def reproduce(options):
 
 
 def _publish(console, chosen, options):
-    seen = {}
-    reasons = {id_: freshness.why_stale(item, seen) for id_, item in chosen.items()}
-    stale = {id_: item for id_, item in chosen.items() if options.force or reasons[id_]}
-    provenance = environment.provenance() | {"revision": _revision()} if stale else {}
     publishing.clear_leftovers()
     stage = Path(tempfile.mkdtemp(prefix="stage-", dir=paths.build()))
-    failures = []
+    ran, failures = {}, []
     try:
-        run_parts = {id_: freshness.parts(item) for id_, item in stale.items()}
-        for outcome in _watched(console, stale, options, stage, seed=options.seed):
-            if outcome.failure is None:
-                # What it read may have been published since this run began.
-                now = freshness.parts(stale[outcome.item]) if stale[outcome.item].needs else run_parts[outcome.item]
-                changes = layers.claims(layers.files(paths.root(), outcome.item), layers.files(stage, outcome.item), outcome.item)
-                try:
-                    publishing.publish(outcome, stale[outcome.item], now, provenance)
-                except OSError as error:
-                    outcome.failure = f"could not be published: {error}"
-                    console.print(f"failed {outcome.item}: {outcome.failure}", markup=False, highlight=False, soft_wrap=True)
-                else:
-                    for change in changes:
-                        console.print(f"  changed: {change.what}", markup=False, highlight=False, soft_wrap=True)
-            if outcome.failure:
-                failures.append(outcome)
+        while stale := _stale(chosen, ran, options.force):  # what one item publishes may make another stale
+            ran |= stale
+            failures += _run_and_publish(console, stale, options, stage)
     finally:
         shutil.rmtree(stage, ignore_errors=True)
     orphans = check.orphans(runner.items())
     found = report.results()
     if not failures and not options.items:
         report.update_readme(found)
-    return _verdicts(console, found, failures, orphans, f"{len(stale)} of {len(chosen)} notebooks run")
+    return _verdicts(console, found, failures, orphans, f"{len(ran)} of {len(chosen)} notebooks run")
+
+
+def _stale(chosen, ran, force):
+    seen = {}
+    return {id_: item for id_, item in chosen.items() if id_ not in ran and (force or freshness.why_stale(item, seen))}
+
+
+def _run_and_publish(console, stale, options, stage):
+    """Run items and publish each as it ends; return the failed ones."""
+    failures = []
+    provenance = environment.provenance() | {"revision": _revision()}
+    run_parts = {id_: freshness.parts(item) for id_, item in stale.items()}
+    for outcome in _watched(console, stale, options, stage, seed=options.seed):
+        if outcome.failure is None:
+            # What it read may have been published since this run began.
+            now = freshness.parts(stale[outcome.item]) if stale[outcome.item].needs else run_parts[outcome.item]
+            changes = layers.claims(layers.files(paths.root(), outcome.item), layers.files(stage, outcome.item), outcome.item)
+            try:
+                publishing.publish(outcome, stale[outcome.item], now, provenance)
+            except OSError as error:
+                outcome.failure = f"could not be published: {error}"
+                console.print(f"failed {outcome.item}: {outcome.failure}", markup=False, highlight=False, soft_wrap=True)
+            else:
+                for change in changes:
+                    console.print(f"  changed: {change.what}", markup=False, highlight=False, soft_wrap=True)
+        if outcome.failure:
+            failures.append(outcome)
+    return failures
 
 
 def _check(console, chosen, options):
@@ -168,7 +179,7 @@ def clean_notebooks(options):
 
 
 def _watched(console, chosen, options, stage, check=False, seed=None):
-    """Run items with one live display; yield each `runner.Outcome`."""
+    """Run items with one live display; yield each `attempt.Outcome`."""
     if not chosen:
         return
     expected = {id_: freshness.record(id_).get("seconds", 5.0) for id_ in chosen}

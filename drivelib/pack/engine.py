@@ -100,7 +100,7 @@ nbformat.validate(nbformat.v4.new_notebook())  # compiles its schema once for al
 
 
 def execute(job, forked=None):
-    """Run ``job`` (`runner.Job`), in the ``forked`` kernel (`kernels.Forked`) where there is one; a start may be tried again."""
+    """Run ``job`` (`attempt.Job`), in the ``forked`` kernel (`kernels.Forked`) where there is one; a start may be tried again."""
     private = Path(job.private)
 
     def literal(path):

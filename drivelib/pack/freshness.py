@@ -38,7 +38,7 @@ def _parts(item, modules, seen):
 
 
 def artefacts(item_id):
-    """Return the published files of an item, the JSON last."""
+    """Return the published files of an item, the JSON last; the index need not have any but its notebook."""
     return [paths.notebook(item_id), *(paths.figure(item_id, suffix) for suffix in ARTEFACTS)]
 
 
@@ -81,11 +81,12 @@ def why_stale(item, seen=None):
     files = published(item.id)
     for path in artefacts(item.id):
         name = path.relative_to(paths.root()).as_posix()
-        if name not in files:
+        same = files.get(name) == known["artefacts"].get(name)
+        if name not in files and not same:
             reasons.append(f"{name} is missing")
-        elif files[name] != known["artefacts"].get(name) and path.suffix != ".ipynb":
+        elif not same and path.suffix != ".ipynb":
             reasons.append(f"{name} was changed")
-        elif files[name] != known["artefacts"].get(name) and not reasons:
+        elif not same and not reasons:
             reasons.append(f"the outputs of {name} were changed")
     return reasons
 
@@ -103,9 +104,13 @@ def closure(sources):
 
 @cache
 def _imported(text):
-    """Return the drivelib files that one source imports itself, as a tuple."""
+    """Return the drivelib files that one source imports itself, as a tuple; none where it is no Python."""
     found = []
-    for node in ast.walk(ast.parse(text)):
+    try:
+        tree = ast.parse(text)
+    except SyntaxError:  # a cell that fails when it runs, or one with a magic command
+        return ()
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):

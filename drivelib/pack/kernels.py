@@ -73,7 +73,7 @@ def can_fork(variables):
 
 
 def fork(job, close):
-    """Return a kernel for ``job`` (`runner.Job`) as `Forked`; call it before anything here starts a thread or a socket.
+    """Return a kernel for ``job`` (`attempt.Job`) as `Forked`; call it before anything here starts a thread or a socket.
 
     ``close`` is the connection that the kernel must not hold open, for its reader waits until all writers have ended.
     """

@@ -46,7 +46,7 @@ def compare(old_root, new_root, chosen):
     found = []
     for item in chosen:
         old, new = files(old_root, item), files(new_root, item)
-        if any(path.exists() for suffix, path in old.items() if suffix != "ipynb"):
+        if any(path.exists() for suffix, path in old.items() if suffix != "ipynb" or item == ledger.INDEX):
             for layer in (claims, arrays, pictures, rest):
                 found += layer(old, new, item)
     return sorted(found, key=lambda one: (LAYERS.index(one.layer), -one.size, one.item, one.what))

@@ -13,7 +13,7 @@ from drivelib.pack import tokens
 
 
 def execute(job, sender):
-    """Run ``job`` (see `runner.Job`) and send None or what went wrong through ``sender``; never return to the caller."""
+    """Run ``job`` (see `attempt.Job`) and send None or what went wrong through ``sender``; never return to the caller."""
     from papermill.exceptions import PapermillExecutionError
 
     from drivelib.pack import engine, kernels
