@@ -33,12 +33,13 @@ class Job:
 
 @dataclass
 class Outcome:
-    """How one item ended: ``failure`` is None when it passed."""
+    """How one item ended: ``failure`` is None when it passed; ``cell_seconds`` is what its cells took of ``seconds``."""
 
     item: str
     failure: str | None
     seconds: float
     files: dict[str, Path] = field(default_factory=dict)
+    cell_seconds: float = 0.0
 
 
 def limits(item_id):
@@ -61,7 +62,7 @@ class Attempt:
         self.item, self.stage, self.started = item, stage, time.monotonic()
         self.limit, output_limit = limits(item)
         self.deadline = self.started + self.limit + STARTUP_SECONDS
-        self.token = uuid.uuid4().hex
+        self.token, self.cell_seconds = uuid.uuid4().hex, 0.0
         self.private = Path(tempfile.mkdtemp(prefix="drv"))  # short: a unix socket's path has 107 characters at most
         try:
             self._start(context, publish, mirror, parameters, changes, output_limit, fork)
@@ -102,7 +103,7 @@ class Attempt:
         if failure is not None and log and "raised" not in failure:
             failure += f" [{log}]"
         files = {} if failure else {path.suffix: path for path in self._files() if path.exists()}
-        return Outcome(self.item, failure, time.monotonic() - self.started, files)
+        return Outcome(self.item, failure, time.monotonic() - self.started, files, self.cell_seconds)
 
     def kill(self):
         """End every process of this run and remove its private folder."""
@@ -136,6 +137,7 @@ class Attempt:
     def _collect(self):
         """Write the normalised notebook into the stage; return what is wrong with the results, or None."""
         executed = notebook.read(self.private / "executed.ipynb")
+        self.cell_seconds = sum(cell["metadata"]["papermill"]["duration"] or 0.0 for cell in executed["cells"])
         reasons = notebook.unpublishable(executed)
         if reasons:
             return reasons[0]

@@ -104,8 +104,9 @@ def _serve(job, connection_file):
     import numpy
     from ipykernel.kernelapp import IPKernelApp
 
+    variables = {"NUMBA_CACHE_DIR": os.environ["NUMBA_CACHE_DIR"], **job.environment}  # set when drivelib was imported
     os.environ.clear()
-    os.environ.update(job.environment)
+    os.environ.update(variables)
     os.chdir(job.private)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     sys.path[:] = preloaded.SEARCH_PATH

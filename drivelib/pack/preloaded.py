@@ -29,7 +29,7 @@ def context(variables, modules):
     forkserver.set_forkserver_preload([__name__])
     before = dict(os.environ)
     os.environ.clear()
-    os.environ.update(variables | {MODULES: ",".join(modules)})
+    os.environ.update(variables | {MODULES: ",".join(modules), "PYTHONSAFEPATH": "1"})  # nothing from the working directory
     try:
         forkserver.ensure_running()
     finally:

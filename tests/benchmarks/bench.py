@@ -8,6 +8,7 @@ from pathlib import Path
 
 import drives
 import parts
+import whole_pack
 from measure import Row
 from rich.console import Console
 from rich.table import Table
@@ -55,6 +56,7 @@ def main(arguments=None):
         parser.error(f"--repetitions {options.repetitions}: must be at least 5, or the spread says nothing")
     rows = drives.rows(options.repetitions) + parts.rows(options.repetitions)
     rows += peer_rows(options.peers, options.repetitions, rows)
+    rows += whole_pack.rows(options.repetitions)
     rows.append(Row("training on a GPU", "", note="not measured"))
     lines = [row.cells() for row in rows]
     if options.markdown:
