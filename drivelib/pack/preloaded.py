@@ -13,7 +13,6 @@ import sys
 import time
 
 MODULES = "DRIVELIB_PRELOAD"  # the variable that names what to import, separated by commas
-SEARCH_PATH = tuple(sys.path)  # as a Python of its own has it; multiprocessing changes it in the workers
 KERNEL = ("ipykernel.ipkernel", "ipykernel.kernelapp", "matplotlib_inline.backend_inline")
 
 
@@ -29,7 +28,7 @@ def context(variables, modules):
     forkserver.set_forkserver_preload([__name__])
     before = dict(os.environ)
     os.environ.clear()
-    os.environ.update(variables | {MODULES: ",".join(modules), "PYTHONSAFEPATH": "1"})  # nothing from the working directory
+    os.environ.update(variables | {MODULES: ",".join(modules)})
     try:
         forkserver.ensure_running()
     finally:
@@ -59,5 +58,8 @@ def _preload(names):
             continue
 
 
+if MODULES in os.environ and sys.path[0] == "":
+    del sys.path[0]  # nothing is imported from where the runner was called
+SEARCH_PATH = tuple(sys.path)  # as a Python of its own has it; multiprocessing changes it in the workers
 _preload(filter(None, os.environ.get(MODULES, "").split(",")))
 SINGLE = MODULES in os.environ and sys.platform == "linux" and single_threaded(patience=2.0)
