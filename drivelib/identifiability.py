@@ -36,7 +36,8 @@ def spread(values, printed=()):
     open_axes = tuple(axis for axis in range(values.ndim) if axis not in printed)
     high = np.max(np.where(np.isfinite(values), values, -np.inf), axis=open_axes)
     low = np.min(np.where(np.isfinite(values), values, np.inf), axis=open_axes)
-    ratio = (high / low)[np.isfinite(low)]
+    there = np.isfinite(low)
+    ratio = high[there] / low[there]
     return float(np.median(ratio)), float(np.max(ratio))
 
 
