@@ -165,7 +165,10 @@ def angle_torques(machine, omega_m, phi, digits):
     T = 1.5 P λ² ω tan φ/(ω L_q − R_s tan φ) rises with R_s and λ and falls with L_q, so two corners bound it. Infinite
     where no torque reaches the angle.
     """
-    halves = {name: number(f"digits[{name!r}]", digits[name], unit, at_least=0) for name, unit in (("R_s", "ohm"), ("L_q", "H"), ("psi_f", "Wb"))}
+    units = {"R_s": "ohm", "L_q": "H", "psi_f": "Wb"}
+    if set(digits) != set(units):
+        raise ValueError(f"digits names {', '.join(digits) or 'nothing'}: must name {', '.join(units)}")
+    halves = {name: number(f"digits[{name!r}]", digits[name], unit, at_least=0) for name, unit in units.items()}
     torques = []
     for side in (-1, 1):
         corner = machine.changed(
