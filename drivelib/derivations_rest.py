@@ -38,7 +38,7 @@ def zidani():
 
     (25) is tried on the error E_0 exp(−t/τ) over the horizon T; any error that is not zero would do.
     """
-    error = sp.Abs(E_0 * sp.exp(-t / tau))
+    error = E_0 * sp.exp(-t / tau)  # positive, so it is its own size
 
     def over(weighed):
         return sp.Integral(weighed, (t, 0, horizon))

@@ -5,6 +5,8 @@ What judges is SymPy: `symbolic.part_errors` against what derives from the equat
 
 from typing import NamedTuple
 
+import sympy as sp
+
 from drivelib import derivations, derivations_rest, derivations_zidani, ledger, symbolic, units
 from drivelib.dfim_machines import DFIM_4KW
 from drivelib.errata_rows import ESKANDER, ZIDANI, Row
@@ -60,13 +62,13 @@ def judged(paper):
         eq = equations[row.key]
         right = eq.printed if eq.mended is None else eq.mended
         at = _point(paper, row.key, eq)
-        errors = {label: symbolic.relative_error(right, derived, at) for label, derived in eq.variants.items()}
+        errors = {label: symbolic.relative_error(_worked_out(right), derived, at) for label, derived in eq.variants.items()}
         default = next(iter(eq.variants), None)
         holds = [label for label, derived in eq.elsewhere.items() if symbolic.relative_error(eq.printed, derived, at) <= symbolic.EXACT]
         found[row.key] = Judged(
             row,
             eq,
-            None if default is None else symbolic.relative_error(eq.printed, eq.variants[default], at),
+            None if default is None else symbolic.relative_error(_worked_out(eq.printed), eq.variants[default], at),
             errors.pop(default, None),
             units.check(eq.printed, eq.dimension, dimensions),
             units.check(right, eq.dimension, dimensions),
@@ -76,14 +78,16 @@ def judged(paper):
     return found
 
 
-def breakages(paper):
+def breakages(paper, found):
     """Return (let through, tried): deliberately broken copies of the right equations that `units.check` accepts, and all.
+
+    ``found`` is what `judged` returned for the paper.
 
     Equations whose units it cannot tell are left out.
     """
     dimensions = {**derivations_rest.DIMENSIONS, **(derivations if choice("paper", paper, PAPERS) == "eskander" else derivations_zidani).DIMENSIONS}
     results = []
-    for one in judged(paper).values():
+    for one in found.values():
         if one.units_right.result == units.CONSISTENT:
             right = one.equation.printed if one.equation.mended is None else one.equation.mended
             copies = units.broken(right, dimensions)
@@ -130,6 +134,11 @@ def _point(paper, key, eq):
     if paper == "zidani":
         return derivations_zidani.rated_point(DFIM_4KW, oriented=eq.at == "oriented")
     return derivations.rated_point(SPMSM if eq.at == "surface" else IPMSM)
+
+
+def _worked_out(expression):
+    """Return it with its integrals done, which is much faster than thirty digits by quadrature."""
+    return tuple(part.doit() if isinstance(part, sp.Integral) else part for part in symbolic.parts(expression))
 
 
 def _follows(one):

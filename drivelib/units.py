@@ -5,6 +5,7 @@ in these ways have the right unit. Where a symbol's unit is printed nowhere it c
 cannot tell.
 """
 
+from functools import cache
 from typing import NamedTuple
 
 import sympy as sp
@@ -18,7 +19,7 @@ CONSISTENT, INCONSISTENT, CANNOT_TELL = "consistent", "inconsistent", "cannot te
 NAMES = {
     (0, 0, 0): "a pure number", (1, 0, 0): "V", (0, 1, 0): "A", (1, 0, 1): "Wb", (1, -1, 0): "Ω", (1, -1, 1): "H", (-1, 1, 0): "S",
     (1, 1, 0): "W", (1, 1, 1): "N·m", (1, 1, 2): "N·m·s", (1, 1, 3): "kg·m²", (0, 0, 1): "s", (0, 0, -1): "1/s", (0, 0, -2): "1/s²",
-    (2, -2, 0): "Ω²", (2, 0, 2): "Wb²", (3, -2, 0): "V·Ω²",
+    (2, -2, 0): "Ω²", (2, 0, 2): "Wb²", (3, -2, 0): "V·Ω²", (2, 1, 2): "N·m·Wb",
 }  # fmt: skip
 _FREE = object()  # zero fits every unit
 
@@ -58,10 +59,10 @@ def check(expression, dimension, dimensions):
     for name, powers in [*dimensions.items(), *(("left side", powers) for powers in each)]:
         if array(f"dimension of {name}", powers).shape != (3,):
             raise ValueError(f"dimension of {name} = {powers}: must be three powers, of volt, ampere and second")
-    known = {symbol: _dependencies(powers) for symbol, powers in dimensions.items()}
+    known = {symbol: _dependencies(tuple(powers)) for symbol, powers in dimensions.items()}
     try:
         for part, powers in zip(parts(expression), each, strict=True):
-            found, wanted = _dimension(sp.sympify(part), known), _dependencies(powers)
+            found, wanted = _dimension(sp.sympify(part), known), _dependencies(tuple(powers))
             if found is not _FREE and found != wanted:
                 return UnitsCheck(INCONSISTENT, f"gives {unit(found)} where {unit(wanted)} is due")
     except _Clash as clash:
@@ -96,6 +97,7 @@ def unit(powers):
     return "·".join(name if n == 1 else f"{name}^{n}" for name, n in zip(("V", "A", "s"), key, strict=True) if n)
 
 
+@cache
 def _dependencies(powers):
     volt, ampere, second = (sp.nsimplify(power) for power in powers)
     return _clean(dimsys_SI.get_dimensional_dependencies(voltage**volt * current**ampere * time**second))
