@@ -62,7 +62,7 @@ _RD, _RQ = r"R_{R}I_{Rd}+\sigma L_{R}\frac{dI_{Rd}}{dt}", r"R_{R}I_{Rq}+\sigma L
 _BY_R, _BY_S = r"\frac{M_{SR}}{L_{R}}", r"\frac{M_{SR}}{L_{S}}"
 _SPEED = r"{s^{2}+s\frac{1+K_{m}K_{p}}{T_{m}}+\frac{K_{m}K_{i}}{T_{m}}}"
 _CLOSED = rf"\frac{{\Omega}}{{\Omega^{{*}}}}=\frac{{\frac{{K_{{m}}K_{{p}}s+K_{{m}}K_{{i}}}}{{T_{{m}}}}}}{_SPEED}"
-_INTEGRALS = (r"ISE=\int_{0}^{T}\lvert e_{\Omega}\rvert^{2}dt", r"IAE=\int_{0}^{T}\lvert e_{\Omega}\rvert dt")
+_INTEGRALS = (r"ISE=\int_{0}^{T}e_{\Omega}^{2}dt", r"IAE=\int_{0}^{T}\lvert e_{\Omega}\rvert dt")
 
 ZIDANI = (
     Row("eq01", (r"V_{S}=R_{S}I_{S}+\frac{d\phi_{S}}{dt}+j\omega_{S}\phi_{S}",), "R i + dφ/dt seen from the frame"),
@@ -72,7 +72,7 @@ ZIDANI = (
     ),
     Row("eq03", (r"\phi_{S}=L_{S}I_{S}+MI_{R}",), "flux linked by three windings"),
     Row("eq04", (r"\phi_{R}=L_{R}I_{R}+M_{SR}I_{R}",), "flux linked by three windings", (r"\phi_{R}=L_{R}I_{R}+M_{SR}I_{S}",)),
-    Row("eq05", (r"C_{em}=J\frac{d\Omega}{dt}+f\Omega+C_{r}",), "power balance of the shaft", remark="printed with C_r on the other side"),
+    Row("eq05", (r"J\frac{d\Omega}{dt}+f\Omega=C_{em}-C_{r}",), "power balance of the shaft"),
     Row("eq06", (r"V_{Sd}=R_{S}I_{Sd}+\frac{d\phi_{Sd}}{dt}-\omega_{S}\phi_{Sq}",), "(1)"),
     Row("eq07", (r"V_{Sq}=R_{S}I_{Sq}+\frac{d\phi_{Sq}}{dt}+\omega_{S}\phi_{Sd}",), "(1)"),
     Row("eq08", (r"V_{Rd}=R_{R}I_{Rd}+\frac{d\phi_{Rd}}{dt}-\omega_{R}\phi_{Rq}",), "(2) mended"),
@@ -111,5 +111,3 @@ ZIDANI = (
     Row("eq24", (r"\Delta e=e(k)-e(k-1)",), "definition", remark="holds the sample time, which is not printed"),
     Row("eq25", (*_INTEGRALS, r"ITAE=\int_{0}^{T}\lvert e_{\Omega}\rvert dt"), "its name", (*_INTEGRALS, r"ITAE=\int_{0}^{T}t\lvert e_{\Omega}\rvert dt")),
 )  # fmt: skip
-
-NETWORK = Row("net", (r"\theta_{1}=W_{2}\tanh(W_{1}X+B_{1})+B_{2}",), "shapes of its products")
