@@ -83,25 +83,29 @@ class Claim:
 class Item:
     """One notebook: figure or table of a paper, and the items whose numbers it reads.
 
-    ``tolerance`` is the relative difference of its arrays and numbers that still counts as unchanged.
+    ``equations`` are the paper's numbers of those it rests on; ``tolerance`` is the relative difference of its
+    arrays and numbers that still counts as unchanged.
     """
 
     id: str
     title: str
+    equations: str = ""
     needs: tuple[str, ...] = ()
     tolerance: float = TOLERANCE
 
 
 @dataclass(frozen=True)
 class Paper:
-    """One paper's ledger. ``findings`` are sentences with ``{stem[number]:format}`` in place of every number."""
+    """One paper's ledger. ``headlines`` and ``findings`` hold ``{stem[number]:format}`` in place of every number."""
 
     id: str
+    name: str
     citation: str
     items: dict[str, Item]
     claims: dict[str, Claim]
     assumptions: dict[str, str]
     expected: dict[str, tuple[str, str]]
+    headlines: tuple[str, ...] = ()
     findings: tuple[str, ...] = ()
 
 
@@ -195,9 +199,9 @@ def load(path):
     paper = path.stem
     items, claims, expected = {}, {}, {}
     for stem, entry in raw.get("items", {}).items():
-        _known(entry, ("title", "needs", "tolerance"), f"{path.name}, item {stem}")
+        _known(entry, ("title", "equations", "needs", "tolerance"), f"{path.name}, item {stem}")
         tolerance = number(f"{path.name}, item {stem}: tolerance", entry.get("tolerance", TOLERANCE), at_least=0, at_most=0.01)
-        items[f"{paper}/{stem}"] = Item(f"{paper}/{stem}", entry["title"], tuple(entry.get("needs", ())), tolerance)
+        items[f"{paper}/{stem}"] = Item(f"{paper}/{stem}", entry["title"], entry.get("equations", ""), tuple(entry.get("needs", ())), tolerance)
     for entry in raw.get("claims", []):
         claim = _claim(entry, f"{path.name}, claim {entry.get('id', '(no id)')}", paper, items)
         if claim.id in claims:
@@ -206,8 +210,8 @@ def load(path):
         if "expected_verdict" in entry:
             verdict = choice(f"{path.name}, claim {claim.id}: expected_verdict", entry["expected_verdict"], VERDICTS)
             expected[claim.id] = (verdict, entry.get("expected_reason", ""))
-    findings = tuple(raw.get("findings", ()))
-    return Paper(paper, raw.get("citation", ""), items, claims, raw.get("assumptions", {}), expected, findings)
+    said = (tuple(raw.get(kind, ())) for kind in ("headlines", "findings"))
+    return Paper(paper, raw.get("name", paper), raw.get("citation", ""), items, claims, raw.get("assumptions", {}), expected, *said)
 
 
 def claims_of(item_id):
