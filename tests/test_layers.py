@@ -14,7 +14,7 @@ LAYERS = (
     {"control", "fuzzy", "fuzzy_facts", "fuzzy_reference", "fuzzy_sets", "neural", "levenberg", "training", "networks", "speed_law", "pmsm_law", "loss_map", "fixed_point", "export_c"},
     {"dfim_plant", "pwm", "dfim_control", "dfim_loop", "dfim_lanes", "dfim_many", "ensemble", "shards", "space", "dfim_scenario", "dfim_drive", "pmsm_plant", "pmsm_scenario", "pmsm_loop", "pmsm_drive", "ann_data", "contest", "table2_fit"},
     {"ledger", "symbolic", "derivations", "derivations_zidani"},
-    {"environment", "bootstrap", "notebook", "plotting", "diagrams", "network_diagram", "schemes", "schemes_zidani", "orientation", "record", "export"},
+    {"environment", "bootstrap", "notebook", "plotting", "diagrams", "network_diagram", "schemes", "schemes_zidani", "orientation", "record", "export", "interactive", "pmsm_panels", "dfim_panels"},
     {"pack/__init__", "pack/freshness", "pack/worker", "pack/runner", "pack/check", "pack/report", "pack/difference", "pack/commands", "pack/layers", "pack/publishing", "pack/review", "pack/verify", "pack/cells", "pack/processors", "__main__"},
 )
 FILES = sorted(path.relative_to(freshness.PACKAGE).with_suffix("").as_posix() for path in freshness.PACKAGE.rglob("*.py"))
