@@ -119,7 +119,7 @@ def paper_loss(machine, T_e, phi_r):
 def best_split(found, steps=21):
     """Return the least loss (W) on a map when each point may share its speed otherwise too; shape of the map, NaN out of reach.
 
-    The stator then takes 0 to 100 % of the speed in ``steps`` equal steps, besides the ratio of the voltages.
+    The stator then takes 0 to 100 % of the speed in ``steps`` equal steps, besides `dfim_optimum.stator_share`.
     """
     steps = number("steps", steps, "", at_least=2, whole=True)
     omega_s = np.linspace(0, 1, steps)[:, None, None] * found.machine.p * found.omega_m[:, None]

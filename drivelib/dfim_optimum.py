@@ -13,8 +13,8 @@ Then R_s |i_s|² = R_r |i_r|² and both current vectors stand at right angles. N
 not care how a speed is shared. Iron loss and saturation are not in the model, so the flux has a limit of its own,
 and above it φ stays there with the same share u/φ.
 
-The speed is shared by rule, in the ratio of the two voltages: ω_s = p Ω V_s/(V_s + V_r), ω_r = ω_s − p Ω. Then every
-limit is convex in (φ, u) and for given φ allows one interval of u, c φ ± √(C − K/φ² − κ φ²)/s:
+The speed is shared by rule, so that idle both inverters are equally near their voltage: ω_s : −ω_r = V_s/ρ : V_r with
+ρ = φ_sd/φ at the best u (with equal turns nearly one), ω_s − ω_r = p Ω. Then every limit is convex in (φ, u) and for given φ allows one interval of u, c φ ± √(C − K/φ² − κ φ²)/s:
 
 ==================  ====================================  =========  ======================================
 limit               C                                     κ          K
@@ -135,8 +135,18 @@ def copper_loss(machine, i_s, i_r):
 
 
 def stator_frequency(machine, omega_m, limits):
-    """Return the stator's share of the electrical speed (rad/s) in the ratio of the voltages, of a speed (rad/s)."""
-    return machine.p * array("omega_m", omega_m, "rad/s") * limits.V_s / (limits.V_s + limits.V_r)
+    """Return the stator frequency (electrical rad/s) at a speed (rad/s): `stator_share` of p Ω."""
+    return stator_share(machine, limits) * machine.p * array("omega_m", omega_m, "rad/s")
+
+
+def stator_share(machine, limits):
+    """Return the share of the electrical speed that the stator takes (1), the rotor's inverter the rest.
+
+    Without torque both are then equally near their largest voltage: ω_s ρ/V_s = −ω_r/V_r, where ρ = φ_sd/φ_r at the
+    rotor d current of least loss.
+    """
+    rho = (machine.L_s - (machine.L_s * machine.L_r - machine.M**2) * float(free_i_rd(machine, 1.0))) / machine.M
+    return limits.V_s / (limits.V_s + rho * limits.V_r)
 
 
 def point(machine, omega_m, T_e, phi_r, i_rd, omega_s):

@@ -1,5 +1,6 @@
 """The C99 text that a DFIM's exported header has of its own: parameters, currents of the references, closed form."""
 
+from drivelib import dfim_optimum
 from drivelib.validation import number as checked
 
 FORMULA = """\
@@ -76,5 +77,5 @@ def defines(found):
         "PHI_MAX": (limits.phi_r, "Wb, rotor flux"),
         "V_S_MAX": (limits.V_s, "V, phase, peak"), "V_R_MAX": (limits.V_r, "V, phase, peak"),
         "I_S_MAX": (limits.I_s, "A, peak"), "I_R_MAX": (limits.I_r, "A, peak"),
-        "STATOR_SHARE": (limits.V_s / (limits.V_s + limits.V_r), "of the electrical speed"),
+        "STATOR_SHARE": (dfim_optimum.stator_share(machine, limits), "of the electrical speed"),
     }  # fmt: skip

@@ -57,8 +57,8 @@ def test_inside_the_limits_brute_force_finds_nothing_better(machine, omega_m, T_
     """A grid over flux and rotor d current: no point of it is inside where ours is infeasible, and none has less loss."""
     limits = DfimLimits(phi, V_s, V_r, I_s, I_r)
     best = dfim_optimum.optimum(machine, omega_m, T_e, limits)
-    omega_s = machine.p * omega_m * V_s / (V_s + V_r)
-    flux, i_rd = np.meshgrid(phi * np.linspace(1e-3, 1, 400), I_r * np.linspace(-1, 1, 401), indexing="ij")
+    omega_s = dfim_optimum.stator_frequency(machine, omega_m, limits)
+    flux, i_rd = np.meshgrid(phi * np.linspace(5e-3, 1, 200), I_r * np.linspace(-1, 1, 201), indexing="ij")
     i_sq = machine.L_r * T_e / (1.5 * machine.p * machine.M * flux)
     i_s, i_r = (flux - machine.L_r * i_rd) / machine.M + 1j * i_sq, i_rd - 1j * machine.M / machine.L_r * i_sq
     torque, loss, size, v_s, v_r = vectors(machine, omega_m, omega_s, i_s, i_r)
@@ -104,6 +104,17 @@ def test_where_the_limits_leave_room_the_closed_form_stands():
     tight = dfim_optimum.optimum(DFIM_4KW, 100.0, TORQUE, DfimLimits(0.85, 1e4, 1e4, 1e3, 1e3))
     assert np.array_equal(tight.capped, dfim_optimum.free_flux(DFIM_4KW, TORQUE) > 0.85) and tight.capped.any() and not tight.capped.all()
     assert np.all(tight.phi_r[tight.capped] == 0.85)
+
+
+@pytest.mark.parametrize("machine", MACHINES, ids=lambda m: m.name)
+def test_idle_both_inverters_are_equally_near_their_voltage(machine):
+    """Resistive drops left out."""
+    phi_r = 0.5
+    i_rd = dfim_optimum.free_i_rd(machine, phi_r)
+    phi_s, rotor = dfim.flux_linkages((phi_r - machine.L_r * i_rd) / machine.M, i_rd, machine)
+    assert np.isclose(rotor, phi_r)
+    omega_s = dfim_optimum.stator_frequency(machine, 100.0, LIMITS)
+    assert np.isclose(omega_s * phi_s / LIMITS.V_s, (machine.p * 100.0 - omega_s) * rotor / LIMITS.V_r, rtol=1e-12)
 
 
 def test_no_torque_needs_no_flux_and_standstill_is_a_speed():
