@@ -104,7 +104,7 @@ def network_error(found, references, headroom=0.95):
     """
     speed, torque = np.meshgrid(found.omega_m, found.T_e, indexing="ij")
     phi_r, i_rd = np.moveaxis(references(np.stack([speed, torque], axis=-1)), -1, 0)
-    made = dfim_optimum.point(found.machine, speed, torque, phi_r, i_rd, dfim_optimum.stator_frequency(found.machine, speed, found.limits))
+    made = dfim_optimum.point(found.machine, speed, torque, phi_r, i_rd, dfim_optimum.stator_frequency(found.machine, speed, torque, found.limits))
     asked = found.best.feasible & (torque <= loss_map.torque_limit(found, found.omega_m, headroom)[:, None])
     values = made.loss - found.best.loss, dfim_optimum.excess(made, found.limits)
     return DfimError(*(np.where(asked, value, np.nan) for value in values))
@@ -119,7 +119,7 @@ def paper_loss(machine, T_e, phi_r):
 def best_split(found, steps=21):
     """Return the least loss (W) on a map when each point may share its speed otherwise too; shape of the map, NaN out of reach.
 
-    The stator then takes 0 to 100 % of the speed in ``steps`` equal steps, besides `dfim_optimum.stator_share`.
+    The stator then takes 0 to 100 % of the speed in ``steps`` equal steps, besides `dfim_optimum.stator_frequency`.
     """
     steps = number("steps", steps, "", at_least=2, whole=True)
     omega_s = np.linspace(0, 1, steps)[:, None, None] * found.machine.p * found.omega_m[:, None]

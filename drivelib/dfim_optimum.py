@@ -13,8 +13,8 @@ Then R_s |i_s|² = R_r |i_r|² and both current vectors stand at right angles. N
 not care how a speed is shared. Iron loss and saturation are not in the model, so the flux has a limit of its own,
 and above it φ stays there with the same share u/φ.
 
-The speed is shared by rule, so that idle both inverters are equally near their voltage: ω_s : −ω_r = V_s/ρ : V_r with
-ρ = φ_sd/φ at the best u (with equal turns nearly one), ω_s − ω_r = p Ω. Then every limit is convex in (φ, u) and for given φ allows one interval of u, c φ ± √(C − K/φ² − κ φ²)/s:
+The speed is shared by rule, in the ratio of the voltages that the resistances leave: ω_s ρ : −ω_r = V_s − R_s q : V_r − R_r |i_rq|
+at the free optimum, ρ = φ_sd/φ at the best u (with equal turns nearly one), ω_s − ω_r = p Ω. Then every limit is convex in (φ, u) and for given φ allows one interval of u, c φ ± √(C − K/φ² − κ φ²)/s:
 
 ==================  ====================================  =========  ======================================
 limit               C                                     κ          K
@@ -39,6 +39,7 @@ from drivelib.validation import array, number
 
 SMALLEST = 1e-9  # share of the largest flux: at no torque the least loss is no flux
 SLACK = 1e-9  # of a limit, for rounding
+TURNING = 0.05  # share of a voltage that counts as left for turning even where a resistance takes it all
 UNITS = {"phi_r": "Wb", "V_s": "V", "V_r": "V", "I_s": "A", "I_r": "A"}
 
 
@@ -134,19 +135,23 @@ def copper_loss(machine, i_s, i_r):
     return 1.5 * (machine.R_s * np.abs(i_s) ** 2 + machine.R_r * np.abs(i_r) ** 2)
 
 
-def stator_frequency(machine, omega_m, limits):
-    """Return the stator frequency (electrical rad/s) at a speed (rad/s): `stator_share` of p Ω."""
-    return stator_share(machine, limits) * machine.p * array("omega_m", omega_m, "rad/s")
+def stator_frequency(machine, omega_m, T_e, limits):
+    """Return the stator frequency (electrical rad/s) at a speed (rad/s) and torque (N m), by rule; the rotor's is this less p Ω.
 
-
-def stator_share(machine, limits):
-    """Return the share of the electrical speed that the stator takes (1), the rotor's inverter the rest.
-
-    Without torque both are then equally near their largest voltage: ω_s ρ/V_s = −ω_r/V_r, where ρ = φ_sd/φ_r at the
-    rotor d current of least loss.
+    In the free optimum both inverters are then equally near the voltage that their resistances leave them:
+    ω_s φ_sd/(V_s − R_s i_sq) = −ω_r φ_r/(V_r − R_r |i_rq|).
     """
-    rho = (machine.L_s - (machine.L_s * machine.L_r - machine.M**2) * float(free_i_rd(machine, 1.0))) / machine.M
-    return limits.V_s / (limits.V_s + rho * limits.V_r)
+    omega_m, T_e = array("omega_m", omega_m, "rad/s"), array("T_e", T_e, "N m")
+    phi_r = np.clip(free_flux(machine, T_e), SMALLEST * limits.phi_r, limits.phi_r)
+    _, i_sq, i_rq = currents(machine, T_e, phi_r, 0.0)
+    stator = np.maximum(limits.V_s - machine.R_s * i_sq, TURNING * limits.V_s)
+    rotor = np.maximum(limits.V_r + machine.R_r * i_rq, TURNING * limits.V_r)
+    return stator / (stator + flux_ratio(machine) * rotor) * machine.p * omega_m
+
+
+def flux_ratio(machine):
+    """Return ρ = φ_sd/φ_r (1) at the rotor d current of least loss: the ratio of turns, but for leakage."""
+    return (machine.L_s - (machine.L_s * machine.L_r - machine.M**2) * float(free_i_rd(machine, 1.0))) / machine.M
 
 
 def point(machine, omega_m, T_e, phi_r, i_rd, omega_s):
@@ -195,7 +200,7 @@ def optimum(machine, omega_m, T_e, limits, *, omega_s=None):
         If an input is negative or not finite, or a resistance is zero.
     """
     omega_m, T_e = array("omega_m", omega_m, "rad/s", at_least=0), array("T_e", T_e, "N m", at_least=0)
-    omega_s = stator_frequency(machine, omega_m, limits) if omega_s is None else array("omega_s", omega_s, "rad/s", at_least=0)
+    omega_s = stator_frequency(machine, omega_m, T_e, limits) if omega_s is None else array("omega_s", omega_s, "rad/s", at_least=0)
     omega_m, T_e, omega_s = (np.array(values) for values in np.broadcast_arrays(omega_m, T_e, omega_s))
     shape = T_e.shape
     omega_m, T_e, omega_s = omega_m.ravel(), T_e.ravel(), omega_s.ravel()

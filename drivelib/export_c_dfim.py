@@ -12,10 +12,22 @@ static inline void @currents(float torque, float phi_r, float i_rd, float *i_sd,
     *i_rq = -@M / @L_R * *i_sq;
 }
 
-/* The stator's share of the electrical speed (rad/s); the rotor's frequency is this less POLE_PAIRS omega_m. */
-static inline float @stator_frequency(float omega_m)
+/* Rotor flux of least copper loss, at most PHI_MAX: phi^2 = N |T| / (1.5 P M sqrt(R_S R_R)), N = M^2 R_R + L_R^2 R_S. */
+static inline float @free_flux(float torque)
 {
-    return @STATOR_SHARE * @POLE_PAIRS * omega_m;
+    const float n = @M * @M * @R_R + @L_R * @L_R * @R_S;
+    return sqrtf(n * fabsf(torque) / (1.5f * @POLE_PAIRS * @M * sqrtf(@R_S * @R_R)));
+}
+
+/* Stator frequency (electrical rad/s); the rotor's is this less POLE_PAIRS omega_m. Both inverters are equally near
+ * the voltage that the resistances leave; RHO is the ratio of the flux linkages. */
+static inline float @stator_frequency(float omega_m, float torque)
+{
+    const float flux = @clampf(@free_flux(torque), 1e-9f * @PHI_MAX, @PHI_MAX);
+    const float i_q = @L_R * torque / (1.5f * @POLE_PAIRS * @M * flux);
+    const float stator = fmaxf(@V_S_MAX - @R_S * i_q, @TURNING * @V_S_MAX);
+    const float rotor = fmaxf(@V_R_MAX - @R_R * @M / @L_R * i_q, @TURNING * @V_R_MAX);
+    return stator / (stator + @RHO * rotor) * @POLE_PAIRS * omega_m;
 }
 
 /* Voltage squared of R i + j omega phi. */
@@ -26,8 +38,7 @@ static inline float @voltage_squared(float resistance, float omega, float i_d, f
     return v_d * v_d + v_q * v_q;
 }
 
-/* The optimum itself, without a network, where no voltage or current limit acts: with N = M^2 R_R + L_R^2 R_S
- *   phi^2 = N |T| / (1.5 P M sqrt(R_S R_R)), at most PHI_MAX^2,   i_rd = R_S L_R phi / N. */
+/* The optimum itself, without a network, where no voltage or current limit acts: i_rd = R_S L_R phi / N. */
 #define @INSIDE 0 /* the free optimum */
 #define @CAPPED 1 /* the flux is held at PHI_MAX */
 #define @BEYOND 2 /* a voltage or current limit would be passed: ask the network or the table; the outputs are left alone */
@@ -35,10 +46,10 @@ static inline float @voltage_squared(float resistance, float omega, float i_d, f
 static inline int @optimum(float omega_m, float torque, float *phi_r, float *i_rd)
 {
     const float n = @M * @M * @R_R + @L_R * @L_R * @R_S;
-    const float free_flux = sqrtf(n * fabsf(torque) / (1.5f * @POLE_PAIRS * @M * sqrtf(@R_S * @R_R)));
-    const float flux = @clampf(free_flux, 1e-9f * @PHI_MAX, @PHI_MAX);
+    const float wanted = @free_flux(torque);
+    const float flux = @clampf(wanted, 1e-9f * @PHI_MAX, @PHI_MAX);
     const float share = @R_S * @L_R * flux / n;
-    const float omega_s = @stator_frequency(omega_m);
+    const float omega_s = @stator_frequency(omega_m, torque);
     const float omega_r = omega_s - @POLE_PAIRS * omega_m;
     const float margin = 1.0f + 2.0f * @ROUNDING;
     float i_sd, i_sq, i_rq;
@@ -51,7 +62,7 @@ static inline int @optimum(float omega_m, float torque, float *phi_r, float *i_r
     }
     *phi_r = flux;
     *i_rd = share;
-    return free_flux > @PHI_MAX ? @CAPPED : @INSIDE;
+    return wanted > @PHI_MAX ? @CAPPED : @INSIDE;
 }
 """
 
@@ -77,5 +88,6 @@ def defines(found):
         "PHI_MAX": (limits.phi_r, "Wb, rotor flux"),
         "V_S_MAX": (limits.V_s, "V, phase, peak"), "V_R_MAX": (limits.V_r, "V, phase, peak"),
         "I_S_MAX": (limits.I_s, "A, peak"), "I_R_MAX": (limits.I_r, "A, peak"),
-        "STATOR_SHARE": (dfim_optimum.stator_share(machine, limits), "of the electrical speed"),
+        "RHO": (dfim_optimum.flux_ratio(machine), "stator flux over rotor flux"),
+        "TURNING": (dfim_optimum.TURNING, "share of a voltage that counts as left in any case"),
     }  # fmt: skip

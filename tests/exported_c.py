@@ -42,10 +42,11 @@ DFIM_MAIN = """
 #include "{p}.h"
 int main(void)
 {{
-    float x[3], out[3];
+    float x[3], out[4];
     while (fread(x, sizeof x[0], 3, stdin) == 3) {{
         {p}_currents(x[0], x[1], x[2], &out[0], &out[1], &out[2]);
-        if (fwrite(out, sizeof out[0], 3, stdout) != 3) return 1;
+        out[3] = {p}_stator_frequency(100.0f * x[1], x[0]);
+        if (fwrite(out, sizeof out[0], 4, stdout) != 4) return 1;
     }}
     return 0;
 }}
@@ -74,9 +75,9 @@ class Exported:
         """Return the Q15 network's outputs at int16 inputs of shape (n, 2)."""
         return np.frombuffer(self._run(np.asarray(q, np.int16).tobytes(), "q15"), np.int16).reshape(-1, 2)
 
-    def triples(self, x):
-        """Return (i_sd, i_sq, i_rq) of a DFIM at torque, flux and rotor d current, shape (n, 3)."""
-        return np.frombuffer(self._run(np.asarray(x, np.float32).tobytes()), np.float32).reshape(-1, 3).astype(float)
+    def references(self, x):
+        """Return (i_sd, i_sq, i_rq, ω_s) of a DFIM at torque, flux and rotor d current, shape (n, 4)."""
+        return np.frombuffer(self._run(np.asarray(x, np.float32).tobytes()), np.float32).reshape(-1, 4).astype(float)
 
     def floats(self, x):
         """Return {"network", "flag", "optimum", "limit"} at inputs of shape (n, 2)."""

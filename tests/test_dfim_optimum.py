@@ -57,7 +57,7 @@ def test_inside_the_limits_brute_force_finds_nothing_better(machine, omega_m, T_
     """A grid over flux and rotor d current: no point of it is inside where ours is infeasible, and none has less loss."""
     limits = DfimLimits(phi, V_s, V_r, I_s, I_r)
     best = dfim_optimum.optimum(machine, omega_m, T_e, limits)
-    omega_s = dfim_optimum.stator_frequency(machine, omega_m, limits)
+    omega_s = dfim_optimum.stator_frequency(machine, omega_m, T_e, limits)
     flux, i_rd = np.meshgrid(phi * np.linspace(5e-3, 1, 200), I_r * np.linspace(-1, 1, 201), indexing="ij")
     i_sq = machine.L_r * T_e / (1.5 * machine.p * machine.M * flux)
     i_s, i_r = (flux - machine.L_r * i_rd) / machine.M + 1j * i_sq, i_rd - 1j * machine.M / machine.L_r * i_sq
@@ -107,14 +107,16 @@ def test_where_the_limits_leave_room_the_closed_form_stands():
 
 
 @pytest.mark.parametrize("machine", MACHINES, ids=lambda m: m.name)
-def test_idle_both_inverters_are_equally_near_their_voltage(machine):
-    """Resistive drops left out."""
-    phi_r = 0.5
-    i_rd = dfim_optimum.free_i_rd(machine, phi_r)
-    phi_s, rotor = dfim.flux_linkages((phi_r - machine.L_r * i_rd) / machine.M, i_rd, machine)
-    assert np.isclose(rotor, phi_r)
-    omega_s = dfim_optimum.stator_frequency(machine, 100.0, LIMITS)
-    assert np.isclose(omega_s * phi_s / LIMITS.V_s, (machine.p * 100.0 - omega_s) * rotor / LIMITS.V_r, rtol=1e-12)
+def test_both_inverters_are_equally_near_what_the_resistances_leave_them(machine):
+    """In the free optimum: flux linkages and frequencies against voltages less the drop of the torque currents."""
+    wide = DfimLimits(0.5, 250.0, 200.0, 1e3, 1e3)
+    for T_e in (0.01, 5.0):
+        best = dfim_optimum.optimum(machine, 50.0, T_e, wide)
+        assert not best.limited
+        phi_s, phi_r = dfim.flux_linkages(best.i_sd + 1j * best.i_sq, best.i_rd + 1j * best.i_rq, machine)
+        omega_r = best.omega_s - machine.p * 50.0
+        stator = best.omega_s * phi_s.real / (wide.V_s - machine.R_s * best.i_sq)
+        assert np.isclose(stator, -omega_r * phi_r.real / (wide.V_r - machine.R_r * abs(best.i_rq)), rtol=1e-12)
 
 
 def test_no_torque_needs_no_flux_and_standstill_is_a_speed():

@@ -154,7 +154,7 @@ def test_compiled_dfim_formula_is_the_optimum_where_no_inverter_limit_acts(tmp_p
     out = exported.floats(x)
     best = found.optimum(*x.T)
     beyond = best.limited | ~best.feasible
-    free = dfim_optimum.point(found.machine, *x.T, *references(found, x[:, 1]), dfim_optimum.stator_frequency(found.machine, x[:, 0], found.limits))
+    free = dfim_optimum.point(found.machine, *x.T, *references(found, x[:, 1]), dfim_optimum.stator_frequency(found.machine, *x.T, found.limits))
     flux_alone = dfim_optimum.free_flux(found.machine, x[:, 1])
     clear = np.min([abs(used - 1) for used in usage(free, found.limits)] + [abs(flux_alone / found.limits.phi_r - 1)], axis=0) > 1e-4
     assert 0.05 < np.mean(beyond) < 0.95 and np.mean(clear) > 0.95
@@ -168,13 +168,15 @@ def test_compiled_dfim_formula_is_the_optimum_where_no_inverter_limit_acts(tmp_p
 
 @needs_gcc
 def test_compiled_dfim_currents_make_torque_and_flux(tmp_path):
-    """From the flux equations and the torque of two vectors, with braking torque too."""
+    """From the flux equations and the torque of two vectors, with braking torque too; and the stator frequency at 100 times the flux as speed."""
     found, network = made(DFIM_4KW)
     m, rng = found.machine, np.random.default_rng(5)
-    x = np.column_stack([rng.uniform(-25, 25, 2000), rng.uniform(0.1, 1, 2000), rng.uniform(-3, 8, 2000)]).astype(np.float32)
-    out = Exported(tmp_path, export.c_name(m.name), export.c_header(found, network), main=DFIM_MAIN).triples(x)
+    x = np.column_stack([rng.uniform(-25, 25, 2000), rng.uniform(0.1, 1, 2000), rng.uniform(-3, 8, 2000)]).astype(np.float32).astype(float)
+    out = Exported(tmp_path, export.c_name(m.name), export.c_header(found, network), main=DFIM_MAIN).references(x)
     i_s, i_r = out[:, 0] + 1j * out[:, 1], x[:, 2] + 1j * out[:, 2]
     phi_r = m.L_r * i_r + m.M * i_s
+    omega_s = dfim_optimum.stator_frequency(m, 100 * x[:, 1], x[:, 0], found.limits)
+    assert np.all(abs(out[:, 3] / omega_s - 1) <= 64 * UNIT)
     size = m.L_r * abs(i_r) + m.M * abs(i_s)
     assert np.all(abs(phi_r - x[:, 1]) <= 64 * UNIT * size)
     torque = 1.5 * m.p * m.M * (np.conj(i_r) * i_s).imag
