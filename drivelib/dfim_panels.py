@@ -1,6 +1,8 @@
-"""Panels with sliders for the doubly fed drive: its fuzzy speed controller beside the PI."""
+"""Panels with sliders for the doubly fed motor: its fuzzy speed control beside the PI, and a reader's own motor."""
 
-from drivelib import contest
+import numpy as np
+
+from drivelib import contest, control, dfim_map, dfim_optimum
 from drivelib.dfim_drive import simulate
 from drivelib.interactive import Panel, nice_limit, slider
 from drivelib.plotting import COLOURS, GREY, figure
@@ -62,4 +64,60 @@ def fuzzy_loop(scenario, e_max=contest.E_MAX):
         "K_u": slider("K_u", start.K_u, start.K_u / 10, start.K_u * 10, "N m", scale="logarithmic"),
         "load": slider("load", rated, 0.0, 1.5 * rated, "N m"),
     }
+    return Panel(fig, curves, sliders, update)
+
+
+def own_dfim(machine, limits):
+    """Copper loss over rotor flux and voltages over speed, with sliders for a DFIM's parameters and its inverters.
+
+    Parameters
+    ----------
+    machine : DfimParameters
+    limits : DfimLimits
+
+    Returns
+    -------
+    Panel
+    """
+    fig, (over_flux, over_speed) = figure(f"{machine.name}, parameters changed", 1, 2, height=4.0)
+    fig.set_figwidth(10)
+    curves = {
+        "paper": over_flux.plot([], [], color=COLOURS[1], linestyle="--", label="stator magnetises")[0],
+        "least": over_flux.plot([], [], color=COLOURS[0], linestyle="-", label="both do")[0],
+        "chosen": over_flux.plot([], [], "o", color=COLOURS[0], markerfacecolor="white", zorder=5)[0],
+        "V_s": over_speed.plot([], [], color=COLOURS[0], linestyle="-", label="stator")[0],
+        "V_r": over_speed.plot([], [], color=COLOURS[1], linestyle="--", label="rotor")[0],
+    }
+    speed = np.linspace(0.02, 4.0, 80) * machine.omega_m_rated
+    over_flux.set(xlabel="rotor flux (Wb)", ylabel="copper loss (W)", xlim=(0, 2.5 * limits.phi_r))
+    over_speed.set(xlabel="mechanical speed (rad/s)", ylabel="phase voltage (V, peak)", xlim=(0, speed[-1]))
+    over_flux.legend(loc="upper center"), over_speed.legend(loc="lower right")
+    phi_r = np.linspace(0.02, 2.5, 200) * limits.phi_r
+
+    def update(T_e, phi_max, V_dc_s, V_dc_r, **values):
+        motor = machine.changed(**values)
+        inside = dfim_optimum.DfimLimits(phi_max, control.linear_voltage_limit(V_dc_s), control.linear_voltage_limit(V_dc_r), limits.I_s, limits.I_r)
+        i_rd = dfim_optimum.free_i_rd(motor, phi_r)
+        curves["least"].set_data(phi_r, dfim_optimum.point(motor, 0.0, T_e, phi_r, i_rd, 0.0).loss)
+        curves["paper"].set_data(phi_r, dfim_map.paper_loss(motor, T_e, phi_r))
+        best = dfim_optimum.optimum(motor, speed, T_e, inside)
+        curves["V_s"].set_data(speed, best.V_s)
+        curves["V_r"].set_data(speed, best.V_r)
+        slow = dfim_optimum.optimum(motor, 0.0, T_e, inside)
+        curves["chosen"].set_data([slow.phi_r], [slow.loss])
+        over_flux.set_ylim(0, nice_limit(3 * dfim_optimum.least_loss(motor, T_e)))
+        over_speed.set_ylim(0, nice_limit(1.1 * max(inside.V_s, inside.V_r)))
+        if not slow.feasible:
+            raise ValueError(f"{T_e:.1f} N·m is out of reach of {limits.I_s:g} and {limits.I_r:g} A at {phi_max:.2f} Wb")
+        saved = 100 * (1 - slow.loss / dfim_map.paper_loss(motor, T_e, phi_max))
+        return (
+            f"{T_e:.1f} N·m: {slow.loss:.1f} W at {slow.phi_r:.2f} Wb, {saved:.0f} % less than the paper's references at {phi_max:.2f} Wb; "
+            f"in reach up to {speed[best.feasible][-1]:.0f} rad/s, limits act from {speed[best.limited | ~best.feasible][0] if np.any(best.limited | ~best.feasible) else speed[-1]:.0f} rad/s."
+        )
+
+    V_dc = {"V_dc_s": np.sqrt(3) * limits.V_s, "V_dc_r": np.sqrt(3) * limits.V_r}
+    sliders = {name: slider(name, getattr(machine, name), getattr(machine, name) / 2, getattr(machine, name) * 2, "ohm") for name in ("R_s", "R_r")}
+    sliders |= {name: slider(name, value, value / 4, value * 2, "V") for name, value in V_dc.items()}
+    sliders["phi_max"] = slider("phi_max", limits.phi_r, limits.phi_r / 2, limits.phi_r * 2, "Wb")
+    sliders["T_e"] = slider("torque", 0.5 * machine.T_rated, 0.05 * machine.T_rated, 1.5 * machine.T_rated, "N m")
     return Panel(fig, curves, sliders, update)

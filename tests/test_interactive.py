@@ -12,6 +12,8 @@ from matplotlib.image import imread
 
 from drivelib import dfim_panels, environment, interactive, notebook, paths, plotting, pmsm, pmsm_panels
 from drivelib.dfim_drive import simulate
+from drivelib.dfim_machines import DFIM_4KW
+from drivelib.dfim_optimum import DfimLimits
 from drivelib.dfim_scenario import DEFAULT_SCENARIO
 from drivelib.machines import IPMSM, IPMSM_2200W
 from drivelib.pack import runner
@@ -76,6 +78,28 @@ def test_the_fuzzy_loop_follows_every_slider():
         assert f"{dip:.2f} rad/s" in panel.text.value
     panel.sliders["load"].value = 0.0
     assert abs(panel.curves["PI", "torque"].get_ydata()[-1]) < 0.5
+
+
+def test_the_readers_dfim_follows_every_slider():
+    """Losses from the currents' lengths, voltages inside the limits; a torque out of reach is said to be."""
+    panel = dfim_panels.own_dfim(DFIM_4KW, DfimLimits(0.85, 323.0, 323.0, 16.0, 16.0))
+    for name, widget in panel.sliders.items():
+        before = [curve.get_ydata().copy() for curve in panel.curves.values()]
+        widget.value = 0.8 * widget.value
+        changed = [not np.allclose(curve.get_ydata(), old, equal_nan=True) for curve, old in zip(panel.curves.values(), before, strict=True)]
+        assert any(changed), name
+    motor = DFIM_4KW.changed(R_s=panel.sliders["R_s"].value, R_r=panel.sliders["R_r"].value)
+    T_e = panel.sliders["T_e"].value
+    for name, i_rd in (("paper", 0.0), ("least", np.linspace(-4, 12, 4001)[:, None])):
+        flux, loss = panel.curves[name].get_data()
+        i_q = T_e * motor.L_r / (1.5 * motor.p * motor.M * flux)
+        by_hand = motor.R_s * (((flux - motor.L_r * i_rd) / motor.M) ** 2 + i_q**2) + motor.R_r * (i_rd**2 + (motor.M / motor.L_r * i_q) ** 2)
+        np.testing.assert_allclose(loss, 1.5 * (by_hand if name == "paper" else by_hand.min(axis=0)), rtol=1e-5)
+    for name, dc in (("V_s", "V_dc_s"), ("V_r", "V_dc_r")):
+        assert np.nanmax(panel.curves[name].get_ydata()) <= panel.sliders[dc].value / np.sqrt(3) * (1 + 1e-6)
+    panel.sliders["T_e"].value = 1.5 * DFIM_4KW.T_rated
+    panel.sliders["phi_max"].value = 0.5
+    assert "Not possible" in panel.text.value and "out of reach" in panel.text.value
 
 
 def test_only_curves_are_redrawn_and_nothing_old_is_left():
