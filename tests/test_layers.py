@@ -10,11 +10,11 @@ from drivelib.pack import freshness
 
 LAYERS = (
     {"__init__", "paths", "validation", "profiles"},
-    {"machines", "curves", "pmsm", "pmsm_angle", "pmsm_optimum", "circuits", "identification", "metrics", "dfim_machines", "dfim", "dfim_decoupling", "dfim_response", "pmsm_dynamics", "transients", "decimation", "table2", "table2_sets", "identifiability", "misprints"},
-    {"control", "fuzzy", "fuzzy_facts", "fuzzy_reference", "fuzzy_sets", "neural", "levenberg", "training", "networks", "speed_law", "pmsm_law", "loss_map", "fixed_point", "export_c"},
+    {"machines", "curves", "pmsm", "pmsm_angle", "pmsm_optimum", "circuits", "identification", "metrics", "dfim_machines", "dfim", "dfim_decoupling", "dfim_response", "pmsm_dynamics", "transients", "decimation", "table2", "table2_sets", "identifiability", "misprints", "dfim_optimum"},
+    {"control", "fuzzy", "fuzzy_facts", "fuzzy_reference", "fuzzy_sets", "neural", "levenberg", "training", "networks", "speed_law", "pmsm_law", "loss_map", "fixed_point", "export_c", "dfim_map", "export_c_dfim"},
     {"dfim_plant", "pwm", "dfim_control", "dfim_loop", "dfim_lanes", "dfim_many", "ensemble", "shards", "space", "dfim_scenario", "dfim_drive", "pmsm_plant", "pmsm_scenario", "pmsm_loop", "pmsm_drive", "ann_data", "contest", "table2_fit", "misprints_drive"},
     {"ledger", "symbolic", "derivations", "derivations_zidani", "derivations_rest", "units", "errata", "errata_rows"},
-    {"environment", "bootstrap", "notebook", "plotting", "diagrams", "network_diagram", "schemes", "schemes_zidani", "orientation", "claim_map", "record", "export"},
+    {"environment", "bootstrap", "notebook", "plotting", "diagrams", "network_diagram", "schemes", "schemes_zidani", "orientation", "claim_map", "record", "export", "interactive", "pmsm_panels", "dfim_panels"},
     {"pack/__init__", "pack/freshness", "pack/tokens", "pack/preloaded", "pack/kernels", "pack/engine", "pack/worker", "pack/attempt", "pack/runner", "pack/check", "pack/report", "pack/readme", "pack/difference", "pack/commands", "pack/layers", "pack/publishing", "pack/review", "pack/verify", "pack/cells", "pack/processors", "__main__"},
 )
 FILES = sorted(path.relative_to(freshness.PACKAGE).with_suffix("").as_posix() for path in freshness.PACKAGE.rglob("*.py"))

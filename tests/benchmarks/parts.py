@@ -1,5 +1,6 @@
 """Rows of the parts: fuzzy evaluator, Levenberg-Marquardt, operating maps, imports."""
 
+import itertools
 import statistics
 import subprocess
 import sys
@@ -10,7 +11,8 @@ import numpy as np
 from measure import Row, in_turn, pairs
 from scipy.optimize import least_squares, minimize_scalar
 
-from drivelib import environment, fuzzy, fuzzy_reference, networks, pmsm, pmsm_optimum
+from drivelib import dfim_panels, environment, fuzzy, fuzzy_reference, networks, pmsm, pmsm_optimum, pmsm_panels
+from drivelib.dfim_scenario import DEFAULT_SCENARIO
 from drivelib.machines import IPMSM
 from drivelib.neural import Range, nguyen_widrow
 
@@ -141,6 +143,26 @@ def map_rows(repetitions):
     ]
 
 
+def panel_rows(repetitions):
+    """Return the rows of the sliders: one move, from the value to the finished picture."""
+    panels = {
+        "loss curves": pmsm_panels.loss_curves(IPMSM), "your motor": pmsm_panels.own_motor(IPMSM, 6.0), "fuzzy drive of 2.4 s": dfim_panels.fuzzy_loop(DEFAULT_SCENARIO)
+    }  # fmt: skip
+
+    def mover(panel):
+        widget = next(iter(panel.sliders.values()))
+        places = itertools.cycle((widget.value, 1.02 * widget.value))
+        next(places)
+
+        def move():
+            widget.value = next(places)
+
+        return move
+
+    times = in_turn([mover(panel) for panel in panels.values()], repetitions, inner=5)
+    return [Row(f"sliders, {name}, per move", "", pairs(own, [0.0] * len(own)), "value", 50, "ms", 1e3) for name, own in zip(panels, times, strict=True)]
+
+
 def import_rows(repetitions):
     """Return the rows of imports, each in a fresh interpreter, its start subtracted."""
 
@@ -157,4 +179,4 @@ def import_rows(repetitions):
 
 def rows(repetitions):
     """Return all rows of this file."""
-    return [*fuzzy_rows(repetitions), *training_rows(repetitions), *map_rows(repetitions), *import_rows(repetitions)]
+    return [*fuzzy_rows(repetitions), *training_rows(repetitions), *map_rows(repetitions), *panel_rows(repetitions), *import_rows(repetitions)]
