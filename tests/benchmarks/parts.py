@@ -73,6 +73,32 @@ def one_start(w, x, t, epochs):
     return epochs
 
 
+def one_start_vmap(w, x, t, epochs):
+    """The same in torch with an automatic Jacobian, ``vmap`` over the samples; return the epochs done."""
+    import torch
+
+    def output(w, row):
+        return torch.tanh(w[:4].reshape(2, 2) @ row + w[4:6]) @ w[6:8] + w[8]
+
+    slopes = torch.func.vmap(torch.func.grad(output), (None, 0))
+    values = torch.func.vmap(output, (None, 0))
+    w, x, t = (torch.as_tensor(value) for value in (w, x, t))
+    mu, e = 1e-3, values(w, x) - t
+    for epoch in range(epochs):
+        J = slopes(w, x)
+        H, g = J.T @ J, J.T @ e
+        while mu <= 1e10:
+            trial = w - torch.linalg.solve(H + mu * torch.eye(len(w), dtype=torch.float64), g)
+            e_trial = values(trial, x) - t
+            if e_trial @ e_trial < e @ e:
+                w, e, mu = trial, e_trial, mu * 0.1
+                break
+            mu *= 10
+        else:
+            return epoch
+    return epochs
+
+
 def training_rows(repetitions):
     """Return the rows of Levenberg-Marquardt: time per start and epoch, and quality from the same starts."""
     from drivelib.levenberg import MARQUARDT, TOOLBOX, Schedule
@@ -91,17 +117,22 @@ def training_rows(repetitions):
         # An epoch of MINPACK: a successful step; it asks for the Jacobian once in each.
         epochs[1] = sum(least_squares(residual, w, jacobian, args=(x, t), method="lm").njev for w in starts)
 
-    done = [0]
+    done = [0, 0]
 
     def numpy_():
         done[0] = sum(one_start(w, x, t, 30) for w in starts[:5])
 
-    a, b, c = in_turn([ours, scipy_, numpy_], repetitions)
+    def vmap():
+        done[1] = sum(one_start_vmap(w, x, t, 30) for w in starts[:3])
+
+    a, b, c, d = in_turn([ours, scipy_, numpy_, vmap], repetitions)
     unit = {"unit": "ms", "scale": 1e3}
     rows = [
         Row("Levenberg–Marquardt, 256 starts, per start and epoch", "", pairs(a, [0.0] * len(a), epochs[0]), "value", 0.05, **unit),
         Row("the same", "SciPy lm", pairs(a, b, epochs[0], epochs[1]), "faster", **unit),
         Row("the same", "NumPy, one start", pairs(a, c, epochs[0], done[0]), "faster", **unit),
+        Row("the same", "torch vmap, one start", pairs(a, d, epochs[0], done[1]), "faster", **unit),
+        gpu_row(x, t, schedule, a, repetitions),
     ]
     fits = [least_squares(residual, w, jacobian, args=(x, t), method="lm") for w in starts]
     results = {"toolbox": train(x, t, 2, starts=20, seed=0, schedule=TOOLBOX), "Marquardt": train(x, t, 2, starts=20, seed=0, schedule=MARQUARDT)}
@@ -117,6 +148,19 @@ def training_rows(repetitions):
         note = f"{found[0]:.0%} of 20 starts, {found[1]:.0f} epochs"
         rows.append(Row(f"LM quality, {name} schedule: {note}", f"SciPy lm: {theirs[0]:.0%}, {theirs[1]:.0f}", note=verdict if name != "toolbox" else f"kept for the papers ({verdict})"))
     return rows
+
+
+def gpu_row(x, t, schedule, processor, repetitions):
+    """Return the row of the same training on a GPU, against the times on one core."""
+    import torch
+
+    from drivelib.training import train
+
+    what, against = "training 256 starts on a GPU", "one core"
+    if not torch.cuda.is_available():
+        return Row(what, against, note="not measured: torch sees no GPU")
+    own = in_turn([lambda: train(x, t, 2, starts=256, seed=0, schedule=schedule, device="cuda")], repetitions, clock=time.perf_counter)[0]
+    return Row(what, against, pairs(own, processor), "faster")
 
 
 def map_rows(repetitions):
