@@ -72,9 +72,10 @@ class Schedule:
 # The toolbox's defaults. The epoch limit of 2002 was 100.
 TOOLBOX = Schedule("toolbox")
 TOOLBOX_2002 = Schedule("toolbox 2002", epochs=100)
-# Finds the best minimum of a 2-2-1 network at least as often as MINPACK's lm, the toolbox's schedule about half
-# as often: damping in proportion lets weights that do not matter yet move far. Stops as MINPACK by ftol.
-MARQUARDT = Schedule("Marquardt", mu=1.0, down=0.25, up=4.0, scaled=True, stall=1e-10)
+# The default: damping in proportion lets weights that do not matter yet move far. On four 2-2-1 problems of 1000
+# samples, 40 starts each, it found the best minimum as often as MINPACK's lm or oftener, in fewer epochs on average;
+# its factors were chosen on these. Stops as MINPACK by its ftol.
+MARQUARDT = Schedule("Marquardt", mu=1.0, down=0.3, up=10.0, scaled=True, stall=1e-8)
 
 
 class Batch:
