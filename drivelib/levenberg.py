@@ -73,8 +73,8 @@ class Schedule:
 TOOLBOX = Schedule("toolbox")
 TOOLBOX_2002 = Schedule("toolbox 2002", epochs=100)
 # The default: damping in proportion lets weights that do not matter yet move far. On four 2-2-1 problems of 1000
-# samples, 40 starts each, it found the best minimum as often as MINPACK's lm or oftener, in fewer epochs on average;
-# its factors were chosen on these. Stops as MINPACK by its ftol.
+# samples, 40 starts each, it found the best minimum as often as MINPACK's lm or oftener, and spent fewer epochs per
+# start that found it; its factors were chosen on these. Stops as MINPACK by its ftol.
 MARQUARDT = Schedule("Marquardt", mu=1.0, down=0.3, up=10.0, scaled=True, stall=1e-8)
 
 

@@ -112,7 +112,7 @@ def test_same_minimum_as_scipy_from_the_same_starts(schedule):
     assert (same & done).sum() >= 3
 
 
-def test_the_default_finds_the_best_minimum_as_often_as_scipy_and_in_fewer_epochs():
+def test_the_default_finds_the_best_minimum_as_often_as_scipy_in_no_more_epochs():
     """Of 40 starts on data that the schedule was not chosen on; an epoch of MINPACK asks for the Jacobian once."""
     data, rows = machine_problem(40)
     descent = Descent(data, rows, inspect.signature(train).parameters["schedule"].default)
