@@ -51,6 +51,18 @@ def test_the_physics_pays_for_nothing_heavy(heavy):
     assert done.stdout.strip() == "False"
 
 
+def test_the_drive_loops_and_ensembles_pay_for_no_training_and_no_peer():
+    code = "import sys; from drivelib import dfim_many, dfim_drive, pmsm_drive, fuzzy, neural, ensemble, metrics; print({'torch', 'skfuzzy'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"
+
+
+def test_importing_the_package_alone_imports_no_library():
+    code = "import sys; import drivelib; print({'numpy', 'numba', 'scipy', 'matplotlib', 'torch', 'skfuzzy'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"
+
+
 @pytest.mark.parametrize("name", FILES)
 def test_files_stay_short(name):
     assert len((freshness.PACKAGE / f"{name}.py").read_text().splitlines()) <= 300
