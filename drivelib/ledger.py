@@ -82,11 +82,13 @@ class Claim:
 class Item:
     """One notebook: figure or table of a paper, and the items whose numbers it reads.
 
-    ``tolerance`` is the relative difference of its arrays and numbers that still counts as unchanged.
+    ``tolerance`` is the relative difference of its arrays and numbers that still counts as unchanged. ``topic`` is
+    what the gallery groups by.
     """
 
     id: str
     title: str
+    topic: str = "other"
     needs: tuple[str, ...] = ()
     tolerance: float = TOLERANCE
 
@@ -194,9 +196,10 @@ def load(path):
     paper = path.stem
     items, claims, expected = {}, {}, {}
     for stem, entry in raw.get("items", {}).items():
-        _known(entry, ("title", "needs", "tolerance"), f"{path.name}, item {stem}")
+        _known(entry, ("title", "topic", "needs", "tolerance"), f"{path.name}, item {stem}")
         tolerance = number(f"{path.name}, item {stem}: tolerance", entry.get("tolerance", TOLERANCE), at_least=0, at_most=0.01)
-        items[f"{paper}/{stem}"] = Item(f"{paper}/{stem}", entry["title"], tuple(entry.get("needs", ())), tolerance)
+        topic = entry.get("topic", Item.topic)
+        items[f"{paper}/{stem}"] = Item(f"{paper}/{stem}", entry["title"], topic, tuple(entry.get("needs", ())), tolerance)
     for entry in raw.get("claims", []):
         claim = _claim(entry, f"{path.name}, claim {entry.get('id', '(no id)')}", paper, items)
         if claim.id in claims:
