@@ -27,7 +27,12 @@ CONFIGURATION = {
     "exclude_patterns": ["files"],
     "nb_execution_mode": "off",
     "nb_render_markdown_format": "myst",
+    "nb_code_prompt_show": "Show the code",
+    "nb_code_prompt_hide": "Hide the code",
+    "myst_heading_anchors": 2,
     "myst_enable_extensions": ["attrs_inline", "colon_fence", "deflist", "dollarmath", "fieldlist"],
+    # Pages outside Sphinx's knowledge: the difference page, and the table of claims with a filter set.
+    "myst_url_schemes": {"http": None, "https": None, "page": "{{path}}", "filtered": "{{path}}#{{fragment}}"},
     "autodoc_typehints": "none",
     "html_math_renderer": "mathml",
     "html_theme": "furo",
@@ -36,6 +41,7 @@ CONFIGURATION = {
     "html_css_files": ["site.css"],
     "html_js_files": ["filter.js"],
     "html_copy_source": False,
+    "html_show_copyright": False,  # LICENSE says it: code BSD-3-Clause, text and figures CC BY 4.0
     "html_show_search_summary": False,  # summaries are fetched, which no browser allows from file://
 }
 

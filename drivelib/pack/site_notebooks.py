@@ -5,6 +5,7 @@ import csv
 import hashlib
 import io
 import re
+from collections import Counter
 
 import numpy as np
 from PIL import Image
@@ -14,6 +15,7 @@ from drivelib.pack.site_text import page, relinked
 
 ROWS = 10  # of a table behind a figure; the rest is in the file to download
 THUMBNAIL = 560  # pixels wide: a card of the gallery on a fine screen
+LONG = 6  # lines of code that stay open; the story is in text and figures
 
 
 def found():
@@ -24,58 +26,47 @@ def found():
 
 def pictures(content, id_):
     """Return ``{stem of the published files: description}`` of the pictures that a notebook shows, in its order."""
-    published = {hashlib.sha256(path.read_bytes()).digest(): path.stem for path in (paths.root() / "figures" / id_).parent.glob("*.png")}
-    shown = {}
-    for output in _outputs(content):
-        stem = published.get(_digest(output))
-        if stem:
-            shown[stem] = output.get("metadata", {}).get("image/png", {}).get("alt", "")
-    return shown
+    return {stem: alt for _, stem, alt in _shown(content, id_)}
 
 
 def as_page(id_, content, claims, verdicts):
     """Return a notebook's bytes as a source of the site.
 
-    Pictures become the published SVG files with their description, links lead to pages of the site, and a last cell holds
-    claims, files and the data behind each figure.
+    Pictures become the published SVG files with their description, links lead to pages of the site, long code is folded,
+    verdicts stand below the title, and a last cell holds claims, files and the data behind each figure.
 
     Parameters
     ----------
     id_ : str
     content : dict
-        The notebook as committed.
+        The notebook as committed; it is changed.
     claims : dict
         Every claim of the pack by id.
     verdicts : dict
         Their verdicts.
     """
     depth = id_.count("/") + 1
-    published = {hashlib.sha256(path.read_bytes()).digest(): path.stem for path in (paths.root() / "figures" / id_).parent.glob("*.png")}
-    folder = f"/files/figures/{id_.rpartition('/')[0]}"
+    up, folder = "../" * depth, f"/files/figures/{id_.rpartition('/')[0]}"
+    stems = list(pictures(content, id_))
+    for output, stem, alt in _shown(content, id_):
+        output["data"], output["metadata"] = {"text/markdown": page("picture.md", file=f"{folder}/{stem}.svg", alt=alt)}, {}
+    for output in _outputs(content):
+        text = output["data"].get("text/markdown")
+        if text:
+            output["data"]["text/markdown"] = _claim_links(relinked("".join(text), depth), claims, up)
     for cell in content["cells"]:
         if cell["cell_type"] == "markdown":
-            cell["source"] = relinked(_assumptions(notebook.source(cell), id_, depth), depth)
-    for output in _outputs(content):
-        data = output["data"]
-        stem = published.get(_digest(output))
-        if stem:
-            alt = output.get("metadata", {}).get("image/png", {}).get("alt", "")
-            output["data"] = {"text/markdown": page("picture.md", file=f"{folder}/{stem}.svg", alt=alt)}
-            output["metadata"] = {}
-        elif "text/markdown" in data:
-            data["text/markdown"] = _claim_links(relinked("".join(data["text/markdown"]), depth), claims, depth)
-    if (paths.root() / "figures" / f"{id_}.json").exists():
-        mine = {claim_id: verdicts[claim_id] for claim_id, claim in claims.items() if claim.item == id_}
-        tables = [table(paths.root() / "figures" / id_.rpartition("/")[0] / f"{stem}.csv") for stem in pictures_of(id_)]
-        last = page("notebook_end.md", id=id_, folder=folder, up="../" * depth, claims=mine, tables=tables)
+            cell["source"] = relinked(_assumptions(notebook.source(cell), id_), depth)
+        elif len(notebook.source(cell).splitlines()) > LONG:
+            cell["metadata"]["tags"] = [*cell["metadata"].get("tags", ()), "hide-input"]
+    mine = {claim_id: verdicts[claim_id] for claim_id, claim in claims.items() if claim.item == id_}
+    if mine:
+        first, tables = content["cells"][0], [table(paths.root() / "figures" / id_.rpartition("/")[0] / f"{stem}.csv") for stem in stems]
+        title, _, rest = first["source"].partition("\n")
+        first["source"] = page("notebook_head.md", title=title, counts=_counted(mine.values()), rest=rest)
+        last = page("notebook_end.md", id=id_, folder=folder, up=up, claims=mine, tables=tables)
         content["cells"].append({"cell_type": "markdown", "id": "site-end", "metadata": {}, "source": last})
     return notebook.dumps(content)
-
-
-def pictures_of(id_):
-    """Return the stems of the picture files that belong to an item: its own, and others that begin with it."""
-    figure = paths.root() / "figures" / id_
-    return sorted(path.stem for path in figure.parent.glob(f"{figure.name}*.csv"))
 
 
 def table(path):
@@ -106,14 +97,24 @@ def thumbnail(path):
     return stream.getvalue()
 
 
+def _counted(verdicts):
+    counts = Counter(verdicts)
+    return {verdict: counts[verdict] for verdict in ledger.VERDICTS if counts[verdict]}
+
+
 def _outputs(content):
     return [output for cell in content["cells"] for output in cell.get("outputs", ()) if "data" in output]
 
 
-def _digest(output):
-    """Return the digest of the picture that an output holds, or None."""
-    image = output["data"].get("image/png")
-    return hashlib.sha256(base64.b64decode("".join(image))).digest() if image else None
+def _shown(content, id_):
+    """Yield (output, stem, description) of each output that is a published picture; the bytes say which one."""
+    folder = (paths.root() / "figures" / id_).parent
+    published = {hashlib.sha256(path.read_bytes()).digest(): path.stem for path in folder.glob("*.png")}
+    for output in _outputs(content):
+        image = base64.b64decode("".join(output["data"].get("image/png", "")))
+        stem = published.get(hashlib.sha256(image).digest())
+        if stem:
+            yield output, stem, output.get("metadata", {}).get("image/png", {}).get("alt", "")
 
 
 def _range(values):
@@ -124,14 +125,14 @@ def _range(values):
     return (f"{numbers.min():.6g}", f"{numbers.max():.6g}") if numbers.size else ("", "")
 
 
-def _claim_links(text, claims, depth):
+def _claim_links(text, claims, up):
     def link(found):
-        return f"[{found[0]}]({'../' * depth}claims/{found[1]}.md)" if found[1] in claims else found[0]
+        return f"[{found[0]}]({up}claims/{found[1]}.md)" if found[1] in claims else found[0]
 
     return re.sub(r"`([\w/-]+)`", link, text)
 
 
-def _assumptions(text, id_, depth):
+def _assumptions(text, id_):
     known = ledger.papers().get(id_.split("/")[0])
 
     def link(found):

@@ -10,6 +10,7 @@ from drivelib.pack import architecture, report, site_notebooks
 from drivelib.pack.site_text import api_page, page, relinked
 from drivelib.record import describe
 
+SHOWN = ("eskander/fig08_minimum_loss", "zidani/fig10_speed", "beyond/your_motor")  # on the start page: one of each
 PACKAGE = Path(architecture.__file__).parent.parent
 
 
@@ -28,7 +29,9 @@ def all_pages(problem, differences):
     rows = {claim.id: (claim, result, verdict) for claim, result, verdict in report.rows(results)}
     claims = {id_: claim for id_, (claim, *_) in rows.items()}
     verdicts = {id_: verdict for id_, (*_, verdict) in rows.items()}
+    order = [item for paper in papers.values() for item in paper.items]
     contents = {id_: notebook.read(path) for id_, path in site_notebooks.found().items()}
+    contents = dict(sorted(contents.items(), key=lambda entry: order.index(entry[0]) if entry[0] in order else -1))
     titles = {id_: _title(content, id_) for id_, content in contents.items()}
     cards, found = [], {}
     for id_, content in contents.items():
@@ -43,7 +46,7 @@ def all_pages(problem, differences):
     counts = {id_: _counts(paper, verdicts) for id_, paper in papers.items()}
     findings = {id_: report.findings(paper) for id_, paper in papers.items()}
     others = [id_ for id_ in contents if "/" not in id_]
-    text["index.md"] = page("start.md", **shared, counts=counts, findings=findings, verdicts=_met(verdicts), how=_how_to_read(), others=others, cards=cards)
+    text["index.md"] = page("start.md", **shared, counts=counts, findings=findings, verdicts=_met(verdicts), how=_how_to_read(), others=others, cards=cards, shown=SHOWN)
     text["gallery.md"] = page("gallery.md", cards=cards)
     text["claims/index.md"] = page("claims.md", **shared, report=report)
     text["differences.md"] = page("differences.md", problem=problem, differences=differences)
