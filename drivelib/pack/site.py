@@ -75,7 +75,10 @@ def build(target, cache, jobs=None):
             confoverrides=configuration, status=None, warning=said, parallel=jobs or os.cpu_count() or 1,
         )  # fmt: skip
         app.build()
-    return said.getvalue().splitlines()
+    warnings = said.getvalue().splitlines()
+    if warnings:  # what was read is not read again, and would not be warned of again
+        shutil.rmtree(cache / "doctrees")
+    return warnings
 
 
 def _sources(extra):

@@ -62,6 +62,7 @@ def all_pages(problem, differences):
                 "claim.md", **shared, paper=paper, claim=claim, result=result, verdict=verdict, asked=report.asked(claim), allowed=describe(claim)[1],
                 ours=report.ours(claim, result), why=paper.expected.get(claim.id, ("", ""))[1], robustness=robustness.get(claim.id, []),
                 up="../" * (claim.id.count("/") + 1), functions=_functions(claim), has_page=claim.item in contents,
+                window=result["window"] if result and not claim.omitted else "",
             )  # fmt: skip
     layers = {layer.name.lower(): (layer, _modules(layer)) for layer in architecture.LAYERS}
     text["api/index.md"] = page("api.md", layers=layers)
