@@ -41,6 +41,7 @@ CONFIGURATION = {
     "html_css_files": ["site.css"],
     "html_js_files": ["filter.js"],
     "html_copy_source": False,
+    "html_domain_indices": False,  # the layers list the modules
     "html_show_copyright": False,  # LICENSE says it: code BSD-3-Clause, text and figures CC BY 4.0
     "html_show_search_summary": False,  # summaries are fetched, which no browser allows from file://
 }

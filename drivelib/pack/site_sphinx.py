@@ -35,7 +35,7 @@ def setup(app):
     """Register with Sphinx."""
     app.add_html_math_renderer("mathml", inline_renderers=(_inline, None), block_renderers=(_block, None))
     app.connect("autodoc-process-docstring", _keep_bars)
-    app.connect("html-page-context", _short_sidebar, priority=100)  # before the theme's own
+    app.connect("html-page-context", _page, priority=100)  # before the theme's own
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
@@ -56,8 +56,10 @@ def _keep_bars(app, what, name, obj, options, lines):
         lines[number] = "".join(part if k % 2 else part.replace("|", r"\|") for k, part in enumerate(parts))
 
 
-def _short_sidebar(app, pagename, templatename, context, doctree):
-    """Open only the branch in which the page stands: the whole tree on each of some hundred pages is long and slow."""
+def _page(app, pagename, templatename, context, doctree):
+    """Open only the branch of the sidebar in which the page stands: the whole on each of some hundred pages is long and slow."""
     whole = context.get("toctree")
     if whole:
         context["toctree"] = lambda **options: whole(**(options | {"collapse": True}))
+    if pagename.startswith("_modules/"):  # has the module's name for a title, as its reference has
+        context["title"] = f"Source of {context['title']}"
