@@ -46,6 +46,12 @@ def begin(item_id):
     ------
     ValueError
         If the item is unknown, or a parameter was injected that its notebook does not have.
+
+    Examples
+    --------
+    >>> begin("eskander/fig08_minimum_los")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    ValueError: 'eskander/fig08_minimum_los' is no item of any paper's ledger. Did you mean eskander/fig08_minimum_loss...
     """
     namespace = inspect.currentframe().f_back.f_globals
     return Record(item_id, namespace)
@@ -214,7 +220,13 @@ def describe(claim):
 
 
 def table_cell(text):
-    """Return a text as it must stand in a cell of a Markdown table."""
+    r"""Return a text as it must stand in a cell of a Markdown table.
+
+    Examples
+    --------
+    >>> print(table_cell("|i_d|"))
+    \|i_d\|
+    """
     return text.replace("|", "\\|")
 
 
