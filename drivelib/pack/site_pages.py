@@ -3,6 +3,7 @@
 import csv
 import io
 import re
+from dataclasses import dataclass
 from pathlib import Path
 
 from drivelib import ledger, notebook, paths
@@ -10,8 +11,34 @@ from drivelib.pack import architecture, report, site_notebooks
 from drivelib.pack.site_text import api_page, page, relinked
 from drivelib.record import describe
 
+VERDICTS = (*ledger.VERDICTS, report.OPEN)
 SHOWN = ("eskander/fig08_minimum_loss", "zidani/fig10_speed", "beyond/your_motor")  # on the start page: one of each
 PACKAGE = Path(architecture.__file__).parent.parent
+
+
+@dataclass(frozen=True)
+class Known:
+    """What all pages draw from: ledgers, results and notebooks, read once."""
+
+    papers: dict
+    rows: dict  # claim id: (claim, result or None, verdict)
+    contents: dict  # notebook id: content, in the order of the ledgers
+    titles: dict
+
+    @property
+    def claims(self):
+        """Every claim by id."""
+        return {id_: claim for id_, (claim, *_) in self.rows.items()}
+
+    @property
+    def verdicts(self):
+        """Every claim's verdict by id."""
+        return {id_: verdict for id_, (*_, verdict) in self.rows.items()}
+
+    def shared(self):
+        """Return what most templates use."""
+        names = {id_: id_.capitalize() for id_ in self.papers}
+        return {"papers": self.papers, "names": names, "rows": self.rows, "titles": self.titles}
 
 
 def all_pages(problem, differences):
@@ -24,53 +51,64 @@ def all_pages(problem, differences):
     differences : sequence of layers.Difference
         What that page shows.
     """
-    results = report.results(broken="skip")
+    known = _read()
+    cards, binary = _cards(known), {}
+    for card in cards:
+        binary[card["picture"]] = site_notebooks.thumbnail(paths.root() / "figures" / f"{card['figure']}.png")
+    for id_, content in known.contents.items():
+        binary[f"notebooks/{id_}.ipynb"] = site_notebooks.as_page(id_, content, known.claims, known.verdicts)
+    text = {
+        "gallery.md": page("gallery.md", cards=cards),
+        "claims/index.md": page("claims.md", **known.shared(), report=report),
+        "differences.md": page("differences.md", problem=problem, differences=differences),
+    }
+    text |= _paper_pages(known) | _claim_pages(known) | _api_pages()
+    text["index.md"] = page(
+        "start.md", **known.shared(), counts={id_: _counts(paper, known.verdicts) for id_, paper in known.papers.items()},
+        findings={id_: report.findings(paper) for id_, paper in known.papers.items()}, how=_how_to_read(), cards=cards, shown=SHOWN,
+        verdicts=[verdict for verdict in VERDICTS if verdict in known.verdicts.values()], others=[id_ for id_ in known.contents if "/" not in id_],
+    )  # fmt: skip
+    return binary | {name: content.encode() for name, content in text.items()}
+
+
+def _read():
     papers = ledger.papers()
-    rows = {claim.id: (claim, result, verdict) for claim, result, verdict in report.rows(results)}
-    claims = {id_: claim for id_, (claim, *_) in rows.items()}
-    verdicts = {id_: verdict for id_, (*_, verdict) in rows.items()}
     order = [item for paper in papers.values() for item in paper.items]
     contents = {id_: notebook.read(path) for id_, path in site_notebooks.found().items()}
     contents = dict(sorted(contents.items(), key=lambda entry: order.index(entry[0]) if entry[0] in order else -1))
-    titles = {id_: _title(content, id_) for id_, content in contents.items()}
-    cards, found = [], {}
-    for id_, content in contents.items():
-        for stem, alt in site_notebooks.pictures(content, id_).items():
-            folder = id_.rpartition("/")[0]
-            picture = f"thumbnails/{folder}/{stem}.png"
-            found[picture] = site_notebooks.thumbnail(paths.root() / "figures" / folder / f"{stem}.png")
-            cards.append(_card(id_, picture, alt, papers, titles, claims, verdicts))
-        found[f"notebooks/{id_}.ipynb"] = site_notebooks.as_page(id_, content, claims, verdicts)
+    rows = {claim.id: (claim, result, verdict) for claim, result, verdict in report.rows(report.results(broken="skip"))}
+    return Known(papers, rows, contents, {id_: _title(content, id_) for id_, content in contents.items()})
+
+
+def _paper_pages(known):
     text = {}
-    shared = {"papers": papers, "names": {id_: _name(paper) for id_, paper in papers.items()}, "rows": rows, "titles": titles}
-    counts = {id_: _counts(paper, verdicts) for id_, paper in papers.items()}
-    findings = {id_: report.findings(paper) for id_, paper in papers.items()}
-    others = [id_ for id_ in contents if "/" not in id_]
-    text["index.md"] = page("start.md", **shared, counts=counts, findings=findings, verdicts=_met(verdicts), how=_how_to_read(), others=others, cards=cards, shown=SHOWN)
-    text["gallery.md"] = page("gallery.md", cards=cards)
-    text["claims/index.md"] = page("claims.md", **shared, report=report)
-    text["differences.md"] = page("differences.md", problem=problem, differences=differences)
-    for id_, paper in papers.items():
-        items = [item for item in paper.items if item in contents]
-        values = {**shared, "paper": paper, "counts": counts[id_], "findings": findings[id_]}
-        text[f"papers/{id_}.md"] = page("paper.md", **values, items=items)
+    for id_, paper in known.papers.items():
+        values = {**known.shared(), "paper": paper, "counts": _counts(paper, known.verdicts), "findings": report.findings(paper)}
+        text[f"papers/{id_}.md"] = page("paper.md", **values, items=[item for item in paper.items if item in known.contents])
         text[f"claims/{id_}/index.md"] = page("paper_claims.md", **values)
-        robustness = _robustness()
-        for claim in paper.claims.values():
-            _, result, verdict = rows[claim.id]
-            text[f"claims/{claim.id}.md"] = page(
-                "claim.md", **shared, paper=paper, claim=claim, result=result, verdict=verdict, asked=report.asked(claim), allowed=describe(claim)[1],
-                ours=report.ours(claim, result), why=paper.expected.get(claim.id, ("", ""))[1], robustness=robustness.get(claim.id, []),
-                up="../" * (claim.id.count("/") + 1), functions=_functions(claim), has_page=claim.item in contents,
-                window=result["window"] if result and not claim.omitted else "",
-            )  # fmt: skip
+    return text
+
+
+def _claim_pages(known):
+    text, robustness = {}, _robustness()
+    for claim, result, verdict in known.rows.values():
+        paper = known.papers[claim.id.split("/")[0]]
+        text[f"claims/{claim.id}.md"] = page(
+            "claim.md", **known.shared(), paper=paper, claim=claim, result=result, verdict=verdict,
+            asked=report.asked(claim), allowed=describe(claim)[1], ours=report.ours(claim, result),
+            why=paper.expected.get(claim.id, ("", ""))[1], functions=_functions(claim), has_page=claim.item in known.contents,
+            window=result["window"] if result and not claim.omitted else "", robustness=robustness.get(claim.id, []),
+        )  # fmt: skip
+    return text
+
+
+def _api_pages():
     layers = {layer.name.lower(): (layer, _modules(layer)) for layer in architecture.LAYERS}
-    text["api/index.md"] = page("api.md", layers=layers)
+    text = {"api/index.md": page("api.md", layers=layers)}
     for name, (layer, modules) in layers.items():
         text[f"api/{name}.md"] = page("layer.md", layer=layer, modules=modules)
-        for module in modules:
-            text[f"{api_page(module)}.md"] = page("module.md", module=architecture.module(module))
-    return found | {name: content.encode() for name, content in text.items()}
+        text |= {f"{api_page(module)}.md": page("module.md", module=architecture.module(module)) for module in modules}
+    return text
 
 
 def _title(content, id_):
@@ -82,30 +120,25 @@ def _title(content, id_):
     return id_
 
 
-def _name(paper):
-    """Return a paper's short name: what stands before the first comma of authors, or its id."""
-    return paper.id.capitalize()
-
-
-def _card(id_, picture, alt, papers, titles, claims, verdicts):
-    paper = papers.get(id_.split("/")[0])
-    item = paper.items.get(id_) if paper else None
-    mine = {verdicts[claim_id] for claim_id, claim in claims.items() if claim.item == id_}
-    order = [verdict for verdict in (*ledger.VERDICTS, report.OPEN) if verdict in mine]
-    return {
-        "picture": picture, "alt": alt, "title": titles[id_], "page": f"notebooks/{id_}.ipynb", "paper": _name(paper) if paper else "",
-        "topic": item.topic if item else ledger.Item.topic, "verdicts": order, "id": id_,
-    }  # fmt: skip
+def _cards(known):
+    """Return what the gallery shows of each picture."""
+    cards = []
+    for id_, content in known.contents.items():
+        paper, _, _ = id_.rpartition("/")
+        items = known.papers[paper].items if paper in known.papers else {}
+        mine = {known.verdicts[claim_id] for claim_id, claim in known.claims.items() if claim.item == id_}
+        shared = {
+            "id": id_, "title": known.titles[id_], "page": f"notebooks/{id_}.ipynb", "paper": paper.capitalize(),
+            "topic": items[id_].topic if id_ in items else ledger.Item.topic, "verdicts": [verdict for verdict in VERDICTS if verdict in mine],
+        }  # fmt: skip
+        for stem, alt in site_notebooks.pictures(content, id_).items():
+            cards.append(shared | {"alt": alt, "figure": f"{paper}/{stem}", "picture": f"thumbnails/{paper}/{stem}.png"})
+    return cards
 
 
 def _counts(paper, verdicts):
     mine = [verdicts[id_] for id_ in paper.claims]
-    return {verdict: mine.count(verdict) for verdict in (*ledger.VERDICTS, report.OPEN)}
-
-
-def _met(verdicts):
-    """Return the verdicts that occur, in their order."""
-    return [verdict for verdict in (*ledger.VERDICTS, report.OPEN) if verdict in verdicts.values()]
+    return {verdict: mine.count(verdict) for verdict in VERDICTS}
 
 
 def _how_to_read():
