@@ -82,27 +82,30 @@ class Claim:
 class Item:
     """One notebook: figure or table of a paper, and the items whose numbers it reads.
 
-    ``tolerance`` is the relative difference of its arrays and numbers that still counts as unchanged. ``topic`` is
-    what the gallery groups by.
+    ``equations`` are the paper's numbers of those it rests on; ``tolerance`` is the relative difference of its
+    arrays and numbers that still counts as unchanged; ``topic`` is what the gallery filters by.
     """
 
     id: str
     title: str
-    topic: str = "other"
+    equations: str = ""
     needs: tuple[str, ...] = ()
     tolerance: float = TOLERANCE
+    topic: str = "other"
 
 
 @dataclass(frozen=True)
 class Paper:
-    """One paper's ledger. ``findings`` are sentences with ``{stem[number]:format}`` in place of every number."""
+    """One paper's ledger. ``headlines`` and ``findings`` hold ``{stem[number]:format}`` in place of every number."""
 
     id: str
+    name: str
     citation: str
     items: dict[str, Item]
     claims: dict[str, Claim]
     assumptions: dict[str, str]
     expected: dict[str, tuple[str, str]]
+    headlines: tuple[str, ...] = ()
     findings: tuple[str, ...] = ()
 
 
@@ -144,16 +147,6 @@ def judge(claim, ours=None, *, as_printed=None, alternatives=None, fit=None, not
     ------
     ValueError
         If a number is missing for a claim that needs one.
-
-    Examples
-    --------
-    A printed 118.9 W is met by what rounds to it, and a fit to it is called a fit:
-
-    >>> claim = Claim("p/loss", "p/fig", "fig. 8", "The least loss.", "matches", "W", printed="118.9", tolerance=half_last_digit("118.9"))
-    >>> judge(claim, 118.93).verdict, judge(claim, 118.96).verdict
-    ('reproduced', 'contradicted')
-    >>> judge(claim, 118.90, fit=(1, 1)).verdict
-    'matched by a fit'
     """
     if claim.omitted:
         return Judgement(claim, NOT_CHECKABLE, ours, window="omitted: " + "; ".join(claim.omitted), note=note)
@@ -206,10 +199,11 @@ def load(path):
     paper = path.stem
     items, claims, expected = {}, {}, {}
     for stem, entry in raw.get("items", {}).items():
-        _known(entry, ("title", "topic", "needs", "tolerance"), f"{path.name}, item {stem}")
+        _known(entry, ("title", "equations", "needs", "tolerance", "topic"), f"{path.name}, item {stem}")
         tolerance = number(f"{path.name}, item {stem}: tolerance", entry.get("tolerance", TOLERANCE), at_least=0, at_most=0.01)
-        topic = entry.get("topic", Item.topic)
-        items[f"{paper}/{stem}"] = Item(f"{paper}/{stem}", entry["title"], topic, tuple(entry.get("needs", ())), tolerance)
+        items[f"{paper}/{stem}"] = Item(
+            f"{paper}/{stem}", entry["title"], entry.get("equations", ""), tuple(entry.get("needs", ())), tolerance, entry.get("topic", Item.topic)
+        )  # fmt: skip
     for entry in raw.get("claims", []):
         claim = _claim(entry, f"{path.name}, claim {entry.get('id', '(no id)')}", paper, items)
         if claim.id in claims:
@@ -218,8 +212,8 @@ def load(path):
         if "expected_verdict" in entry:
             verdict = choice(f"{path.name}, claim {claim.id}: expected_verdict", entry["expected_verdict"], VERDICTS)
             expected[claim.id] = (verdict, entry.get("expected_reason", ""))
-    findings = tuple(raw.get("findings", ()))
-    return Paper(paper, raw.get("citation", ""), items, claims, raw.get("assumptions", {}), expected, findings)
+    said = (tuple(raw.get(kind, ())) for kind in ("headlines", "findings"))
+    return Paper(paper, raw.get("name", paper), raw.get("citation", ""), items, claims, raw.get("assumptions", {}), expected, *said)
 
 
 def claims_of(item_id):
@@ -270,13 +264,7 @@ def _claim(entry, where, paper, items):
 
 
 def half_last_digit(printed):
-    """Return half a unit of the last digit of a printed number: 0.05 for "118.9".
-
-    Examples
-    --------
-    >>> half_last_digit("118.9"), half_last_digit("0.5265"), half_last_digit("12")
-    (0.05, 5e-05, 0.5)
-    """
+    """Return half a unit of the last digit of a printed number: 0.05 for "118.9"."""
     return float(Decimal(5).scaleb(Decimal(printed).as_tuple().exponent - 1))
 
 

@@ -23,12 +23,13 @@ k = (p + g L_q²)/(p + g L_d²) it reads (i + b) x = ΔL k i_oq².
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from drivelib import pmsm
 from drivelib.curves import last_below
-from drivelib.validation import array, number
+from drivelib.validation import array, choice, number
 
 NEWTON_STEPS = 60  # convergence is monotone; quadratic except where a limit is just met
 
@@ -130,7 +131,7 @@ def optimum(machine, omega_e, T_e, *, model="full", convention="consistent", V_m
     free = _minimiser(machine, *_loss_form(machine, omega_e, model)[:2], q)
     limits = []
     if V_max is not None:
-        limits.append((_voltage_form(machine, omega_e, model), number("V_max", V_max, "V", above=0) ** 2))
+        limits.append((_voltage_form(machine, omega_e, pmsm.terminal_conductance(machine, model)), number("V_max", V_max, "V", above=0) ** 2))
     if I_max is not None:
         limits.append((_current_form(machine, omega_e, model), number("I_max", I_max, "A", above=0) ** 2))
 
@@ -152,11 +153,36 @@ def optimum(machine, omega_e, T_e, *, model="full", convention="consistent", V_m
     return Optimum(*shown, limited=feasible & (inside != free), feasible=feasible)
 
 
+class FreeOptimum(NamedTuple):
+    """Least loss (W) without limits, its i_od (A) and phase voltage (V, peak), and the loss (W) with i_od = 0 instead."""
+
+    loss: np.ndarray
+    i_od: np.ndarray
+    V_s: np.ndarray
+    loss_at_zero: np.ndarray
+
+
+def free_optimum(machine, omega_e, T_e, R_c, *, model="full", convention="consistent"):
+    """Return the `FreeOptimum` for each speed (rad/s), torque (N m) and iron-loss resistance (ohm); they broadcast.
+
+    For asking which R_c fits: the machine's own is not used. Otherwise as `optimum`.
+    """
+    omega_e, T_e, R_c = array("omega_e", omega_e, "rad/s"), array("T_e", T_e, "N m"), array("R_c", R_c, "ohm", above=0)
+    omega_e, T_e, R_c = np.broadcast_arrays(omega_e, T_e, R_c)
+    q = T_e / (1.5 * machine.P)
+    G = 1 / R_c if choice("model", model, pmsm.MODELS) == "full" else np.zeros(R_c.shape)
+    scale = 1.5 if choice("convention", convention, pmsm.CONVENTIONS) == "consistent" else 1.0
+    form = _loss_form_with(machine, omega_e, R_c, G)
+    i_od = _minimiser(machine, *form[:2], q)
+    V_s = np.sqrt(_form(machine, *_voltage_form(machine, omega_e, G), i_od, q))
+    return FreeOptimum(scale * _form(machine, *form, i_od, q), i_od, V_s, scale * _form(machine, *form, 0.0, q))
+
+
 def least_voltage(machine, omega_e, T_e, *, model="full"):
     """Return (V_s, i_od) (V phase peak, A) of the operating point that needs least voltage at given torque."""
     omega_e, T_e = array("omega_e", omega_e, "rad/s"), array("T_e", T_e, "N m")
     q = T_e / (1.5 * machine.P)
-    form = _voltage_form(machine, omega_e, model)
+    form = _voltage_form(machine, omega_e, pmsm.terminal_conductance(machine, model))
     i_od = _minimiser(machine, *form[:2], q)
     return np.sqrt(_form(machine, *form, i_od, q)), i_od
 
@@ -199,12 +225,15 @@ def speed_at_loss(machine, T_e, loss, *, model="full", convention="consistent", 
 
 
 def _loss_form(machine, omega_e, model):
-    G = pmsm.terminal_conductance(machine, model)
-    return machine.R_s, omega_e**2 * (1 / machine.R_c + machine.R_s * G**2), 2 * machine.R_s * omega_e * G
+    return _loss_form_with(machine, omega_e, machine.R_c, pmsm.terminal_conductance(machine, model))
 
 
-def _voltage_form(machine, omega_e, model):
-    scaled = omega_e * (1 + machine.R_s * pmsm.terminal_conductance(machine, model))
+def _loss_form_with(machine, omega_e, R_c, G):
+    return machine.R_s, omega_e**2 * (1 / R_c + machine.R_s * G**2), 2 * machine.R_s * omega_e * G
+
+
+def _voltage_form(machine, omega_e, G):
+    scaled = omega_e * (1 + machine.R_s * G)
     return machine.R_s**2, scaled**2, 2 * machine.R_s * scaled
 
 

@@ -208,6 +208,11 @@ class Record:
         }
 
 
+def results_folder():
+    """Return the folder below which the results of other items lie: the published ones, or those of a check."""
+    return Path(os.environ.get(READ) or paths.root() / "figures")
+
+
 def describe(claim):
     """Return (what the paper prints, what is allowed with the reason) as text for a table."""
     if claim.relation is None:

@@ -13,7 +13,7 @@ from drivelib import metrics, table2
 from drivelib.contest import fuzzy_like_pi
 from drivelib.control import PiGains
 from drivelib.dfim_drive import SimulationDiverged, simulate
-from drivelib.speed_law import NetworkSpeed, PiSpeed
+from drivelib.speed_law import FuzzySpeed, NetworkSpeed, PiSpeed
 from drivelib.validation import number
 
 ON = 0.01  # s, when the load comes
@@ -184,6 +184,36 @@ def fit_one_load(scenario, pi, flc, ann, *, xi, e_max, horizon=2.0, rounds=8):
     fuzzy = fit_fuzzy(scenario, flc, load, e_max)
     residual = max(abs(run.indices.IAE / ann.IAE[0] - 1), abs(run.indices.ISE / ann.ISE[0] - 1))
     return {"PI": loop, "FLC": fuzzy, "ANN": Found({"stiffness": float(k), "hold": hold}, float(residual), run)}
+
+
+OMITTED = ("omega_n", "xi", "J", "T_load", "steps", "T_PI", "T_FLC", "T_ANN", "K_e", "K_de", "K_u", "stiffness", "on_time")
+"""What table II depends on: arguments of `all_rows`."""
+
+
+def all_rows(scenario, omega_n, xi, J, T_load, steps, T_PI, T_FLC, T_ANN, K_e, K_de, K_u, stiffness, on_time):
+    """Return table II's nine indices, by row IAE, ISE, ITAE = horizon · IAE: PI loop, incremental FLC, static map.
+
+    PI in closed form, FLC in the simulated drive with ``scenario``'s remaining values, static map as a constant error.
+
+    Parameters
+    ----------
+    omega_n, xi : float
+        Of the PI loop (rad/s, 1).
+    J, T_load, steps : float
+        Inertia (kg m²), load step (N m), number of steps far apart.
+    T_PI, T_FLC, T_ANN : float
+        Horizons (s).
+    K_e, K_de, K_u : float
+        Scaling gains of the FLC (s/rad, s/rad, N m).
+    stiffness, on_time : float
+        Of the static map (N m s/rad), and for how long in all the load is on in its row (s).
+    """
+    pi = table2.load_step(omega_n, xi, T_load / J)
+    drive = scenario.changed(machine=scenario.machine.changed(J=J))
+    flc = under_load(drive, Load(T_load), FuzzySpeed(K_e, K_de, K_u, "incremental")).indices
+    error = T_load / stiffness
+    rows = ((steps * pi.IAE, steps * pi.ISE, T_PI), (steps * flc.IAE, steps * flc.ISE, T_FLC), (error * on_time, error**2 * on_time, T_ANN))
+    return np.array([index for iae, ise, horizon in rows for index in (iae, ise, horizon * iae)])
 
 
 def rings(scenario, stiffness):

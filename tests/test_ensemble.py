@@ -53,7 +53,7 @@ def dies_always(draw):
 
 
 def drives(rngs):
-    """A study as issue 6 needs it: draws from a space, a batch through the compiled loop."""
+    """A study of open assumptions: draws from a space, a batch through the compiled loop."""
     space = Space({"omega_n": Span(10.0, 40.0), "T_limit": (30.0, 51.0)})
     short = DEFAULT_SCENARIO.changed(duration=0.02, speed_reference=((0.0, 2.0),), load_torque=((0.0, 5.0),))
     return dfim_many.study([short.changed(**space.draw(rng)) for rng in rngs])

@@ -3,13 +3,14 @@
 import hashlib
 import importlib
 import json
+import math
 import re
 
 import jsonschema
 import pytest
 
 from drivelib import ledger, notebook, paths
-from drivelib.pack import check, report, runner
+from drivelib.pack import check, readme, report, runner
 
 SECTION_A = (
     [f"eq{number:02d}" for number in range(1, 21)]
@@ -91,7 +92,7 @@ def test_each_item_has_claims_and_each_paper_item_links_its_code():
 
 def test_the_readmes_table_is_what_the_results_say():
     text = (paths.root() / "README.md").read_text()
-    assert report.readme(text, RESULTS) == text
+    assert readme.rendered(text, RESULTS) == text
 
 
 def test_open_claims_are_said_to_be_open():
@@ -115,10 +116,47 @@ def test_each_assumption_that_a_notebook_names_is_in_the_ledger():
 def test_every_number_in_a_finding_comes_from_a_result():
     """A finding holds digits of its own only where the paper prints them or names a figure or equation."""
     for paper in ledger.papers().values():
-        said = report.findings(paper)
-        assert len(said) == len(paper.findings) or any(id_ not in ITEMS for id_ in paper.items)
-        for sentence in said:
-            assert "{" not in sentence
+        for headlines, written in ((False, paper.findings), (True, paper.headlines)):
+            said = report.findings(paper, headlines=headlines)
+            assert len(said) == len(written) or any(id_ not in ITEMS for id_ in paper.items)
+            for sentence in said:
+                assert "{" not in sentence
+
+
+def test_the_readme_begins_with_five_headlines():
+    assert sum(len(paper.headlines) for paper in ledger.papers().values()) == 5
+
+
+def test_an_item_names_the_equations_of_its_claims():
+    for claim in CLAIMS.values():
+        named = ledger.papers()[claim.item.split("/")[0]].items[claim.item].equations
+        spans = [part.split("–") for part in named.split(", ") if part]
+        known = {number for span in spans for number in range(int(span[0]), int(span[-1]) + 1)}
+        for number in re.findall(r"(?<!claim )\((\d+)\)", claim.where):
+            assert int(number) in known, claim.id
+
+
+@pytest.mark.parametrize(
+    ("relation", "bound", "ours", "used"),
+    [
+        ("matches", ("118.9", 0.05), 118.91, 0.2),
+        ("<=", 5.0, 4.0, 0.8),
+        (">=", 2.0, 4.0, 0.5),
+        (">=", 2.0, -1.0, math.inf),
+        ("<=", 0.0, -3.0, 0.0),
+        ("<=", 1.0, math.nan, math.inf),
+        ("==", 0.0, 0.0, 0.0),
+        ("==", 3.0, 2.0, math.inf),
+        ("between", (1.0, 3.0), 4.0, 2.0),
+    ],
+)
+def test_usage_of_what_a_claim_is_allowed(relation, bound, ours, used):
+    """By hand: 0.01 of 0.05, 4 of 5, 2 of 4, and so on; a claim uses at most all of it exactly where it holds."""
+    printed, tolerance = bound if relation == "matches" else (None, None)
+    claim = ledger.Claim("p/c", "p/i", "", "", relation, printed=printed, tolerance=tolerance, threshold=None if printed else bound)
+    got = report.usage(claim, {"ours": ours})
+    assert got == pytest.approx(used)
+    assert (got <= 1) == claim.holds(ours)
 
 
 def test_no_public_function_of_the_physics_is_left_unused():

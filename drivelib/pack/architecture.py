@@ -22,6 +22,7 @@ LAYERS = (
         (
             "machines", "curves", "pmsm", "pmsm_angle", "pmsm_optimum", "circuits", "identification", "metrics", "dfim_machines", "dfim",
             "dfim_decoupling", "dfim_response", "pmsm_dynamics", "transients", "decimation", "table2",
+            "table2_sets", "identifiability", "misprints",
         ),
     ),
     Layer(
@@ -38,26 +39,27 @@ LAYERS = (
         (
             "dfim_plant", "pwm", "dfim_control", "dfim_loop", "dfim_lanes", "dfim_many", "ensemble", "shards", "space", "dfim_scenario",
             "dfim_drive", "pmsm_plant", "pmsm_scenario", "pmsm_loop", "pmsm_drive", "ann_data", "contest", "table2_fit",
+            "misprints_drive",
         ),
     ),
     Layer(
         "Evidence",
         "What each paper claims, the one rule that turns numbers into verdicts, and proofs of the equations in SymPy.",
-        ("ledger", "symbolic", "derivations", "derivations_zidani"),
+        ("ledger", "symbolic", "derivations", "derivations_zidani", "derivations_rest", "units", "errata", "errata_rows"),
     ),
     Layer(
         "Face",
         "What a notebook calls: figures, diagrams, its record, exports.",
         (
             "environment", "bootstrap", "notebook", "plotting", "diagrams", "network_diagram", "schemes", "schemes_zidani", "orientation",
-            "record", "export",
+            "claim_map", "record", "export",
         ),
     ),
     Layer(
         "Pack",
         "Runs the notebooks, checks, compares and reports; the command line and this site.",
         (
-            "pack/__init__", "pack/architecture", "pack/freshness", "pack/worker", "pack/runner", "pack/check", "pack/report",
+            "pack/__init__", "pack/architecture", "pack/freshness", "pack/worker", "pack/runner", "pack/check", "pack/report", "pack/readme",
             "pack/difference", "pack/commands", "pack/layers", "pack/publishing", "pack/review", "pack/verify", "pack/cells",
             "pack/processors", "pack/site", "pack/site_notebooks", "pack/site_pages", "pack/site_sphinx", "pack/site_text", "__main__",
         ),

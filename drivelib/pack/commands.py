@@ -14,7 +14,7 @@ from rich.table import Table
 
 from drivelib import environment, ledger, notebook, paths
 from drivelib.__main__ import parse_parameter
-from drivelib.pack import check, difference, freshness, layers, publishing, report, runner
+from drivelib.pack import check, difference, freshness, layers, publishing, readme, report, runner
 from drivelib.record import write_atomically
 
 STYLES = {
@@ -73,7 +73,7 @@ def _publish(console, chosen, options):
     orphans = check.orphans(runner.items())
     found = report.results()
     if not failures and not options.items:
-        report.update_readme(found)
+        readme.update(found)
     return _verdicts(console, found, failures, orphans, f"{len(stale)} of {len(chosen)} notebooks run")
 
 
@@ -84,8 +84,8 @@ def _check(console, chosen, options):
         failures = [outcome for outcome in _watched(console, chosen, options.jobs, stage, check=True, seed=seed) if outcome.failure]
         differences = check.differences(stage, chosen) + [f"{name}: belongs to no notebook" for name in check.orphans(runner.items())]
         found = report.results(stage / "figures")
-        readme = (paths.root() / "README.md").read_text(encoding="utf-8")
-        if not options.items and not failures and report.readme(readme, found, stage / "figures") != readme:
+        text = (paths.root() / "README.md").read_text(encoding="utf-8")
+        if not options.items and not failures and readme.rendered(text, found, stage / "figures") != text:
             differences.append("README.md: its verdict table is stale")
         if options.keep and (failures or differences):
             difference.write_page(paths.root(), stage, chosen, differences + [f"{o.item}: {o.failure}" for o in failures], Path(options.keep))

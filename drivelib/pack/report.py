@@ -1,12 +1,11 @@
-"""The ledger with its results, rendered for people: terminal table and README block."""
+"""The ledger with its results, in words that a table or a page can use."""
 
 import json
+import math
 from string import Formatter
 
 from drivelib import ledger, paths
-from drivelib.record import table_cell, write_atomically
 
-BEGIN, END = "<!-- verdicts: begin (rendered by `python -m drivelib reproduce`) -->", "<!-- verdicts: end -->"
 OPEN = "open"
 
 
@@ -50,8 +49,29 @@ def ours(claim, result):
     return f"{result['ours']:.4g}{unit}{literally}"
 
 
-def findings(paper, folder=None):
-    """Return a paper's findings with the numbers of its items filled in; those of items still to come are left out.
+def usage(claim, result):
+    """Return how much of what it is allowed a claim uses, under its default assumptions; above 1 it fails.
+
+    The deviation over the tolerance where a value is to be matched, else our number over its bound or the other way
+    round. None where nothing is measured.
+    """
+    if result is None or result["ours"] is None or claim.relation is None:
+        return None
+    ours, (low, high) = result["ours"], claim.allowed
+    if not math.isfinite(ours):
+        return math.inf
+    if math.isfinite(low) and math.isfinite(high) and low < high:
+        return abs(ours - (low + high) / 2) / ((high - low) / 2)
+    less, more = (low, ours) if math.isfinite(low) else (ours, high)
+    if claim.relation == "==" or less <= 0 or more <= 0:  # no ratio says anything
+        return 0.0 if claim.holds(ours) else math.inf
+    return less / more
+
+
+def findings(paper, folder=None, *, headlines=False):
+    """Return a paper's findings, or its headlines, with the numbers of its items filled in.
+
+    Those of items still to come are left out.
 
     Raises
     ------
@@ -66,7 +86,7 @@ def findings(paper, folder=None):
             values = json.loads(path.read_text(encoding="utf-8"))["numbers"]
             numbers[id_.split("/")[1]] = {name: entry["value"] for name, entry in values.items()}
     said = []
-    for sentence in paper.findings:
+    for sentence in paper.headlines if headlines else paper.findings:
         named = {field.split("[")[0] for _, field, *_ in Formatter().parse(sentence) if field}
         if named <= set(numbers):
             try:
@@ -74,56 +94,6 @@ def findings(paper, folder=None):
             except KeyError as error:
                 raise ValueError(f"{paper.id}: a finding names {error}, which is no number of its item") from None
     return said
-
-
-def readme(text, found, folder=None):
-    """Return the README's text with its verdict block rendered anew.
-
-    Raises
-    ------
-    ValueError
-        If the markers are missing.
-    """
-    if BEGIN not in text or END not in text:
-        raise ValueError(f"README.md: the markers of the verdict table are missing: {BEGIN} and {END}")
-    head, rest = text.split(BEGIN, 1)
-    return f"{head}{BEGIN}\n{_block(found, folder)}\n{END}{rest.split(END, 1)[1]}"
-
-
-def update_readme(found):
-    """Write README.md where its rendered block is stale; return whether it was."""
-    path = paths.root() / "README.md"
-    old = path.read_text(encoding="utf-8")
-    new = readme(old, found)
-    if new != old:
-        write_atomically(path, new.encode())
-    return new != old
-
-
-def _block(found, folder):
-    lines = []
-    for paper in ledger.papers().values():
-        place = {id_: number for number, id_ in enumerate(paper.items)}
-        mine = sorted((row for row in rows(found) if row[0].id in paper.claims), key=lambda row: place[row[0].item])
-        counts = {verdict: sum(v == verdict for *_, v in mine) for verdict in (*ledger.VERDICTS, OPEN)}
-        lines.append(f"\n**{paper.citation}** " + ", ".join(f"{count} {name}" for name, count in counts.items() if count) + ".\n")
-        lines += [f"- {sentence}" for sentence in findings(paper, folder)]
-        judged = [row for row in mine if row[1] is not None]
-        if judged:
-            lines += [f"\n<details><summary>All {len(judged)} claims, with number and verdict</summary>\n"]
-            lines += ["| item | claim | measured | paper | ours | verdict |", "|---|---|---|---|---:|---|"]
-            lines += [_row(*row) for row in judged]
-            lines += ["\n</details>"]
-        if len(judged) < len(mine):
-            ids = ", ".join(f"`{claim.id.split('/', 1)[1]}`" for claim, result, _ in mine if result is None)
-            lines.append(f"\nOpen, because their notebooks are still to come: {ids}.")
-    return "\n".join(lines)
-
-
-def _row(claim, result, verdict):
-    link = f"[{claim.item.split('/')[1].split('_')[0]}](notebooks/{claim.item}.ipynb)"
-    said = [f"`{claim.id.split('/', 1)[1]}` {claim.text}", claim.measure, asked(claim), ours(claim, result), f"**{verdict}**"]
-    return f"| {link} | " + " | ".join(table_cell(text) for text in said) + " |"
 
 
 def asked(claim):
