@@ -35,10 +35,14 @@ class Known:
         """Every claim's verdict by id."""
         return {id_: verdict for id_, (*_, verdict) in self.rows.items()}
 
+    @property
+    def names(self):
+        """Every ledger's name by id, as a heading."""
+        return {id_: paper.name[:1].upper() + paper.name[1:] for id_, paper in self.papers.items()}
+
     def shared(self):
         """Return what most templates use."""
-        names = {id_: id_.capitalize() for id_ in self.papers}
-        return {"papers": self.papers, "names": names, "rows": self.rows, "titles": self.titles}
+        return {"papers": self.papers, "names": self.names, "rows": self.rows, "titles": self.titles}
 
 
 def all_pages(problem, differences):
@@ -65,7 +69,7 @@ def all_pages(problem, differences):
     text |= _paper_pages(known) | _claim_pages(known) | _api_pages()
     text["index.md"] = page(
         "start.md", **known.shared(), counts={id_: _counts(paper, known.verdicts) for id_, paper in known.papers.items()},
-        findings={id_: report.findings(paper) for id_, paper in known.papers.items()}, how=_how_to_read(), cards=cards, shown=SHOWN,
+        headlines=[said for paper in known.papers.values() for said in report.findings(paper, headlines=True)], how=_how_to_read(), cards=cards, shown=SHOWN,
         verdicts=[verdict for verdict in VERDICTS if verdict in known.verdicts.values()], others=[id_ for id_ in known.contents if "/" not in id_],
     )  # fmt: skip
     return binary | {name: content.encode() for name, content in text.items()}
@@ -83,7 +87,7 @@ def _read():
 def _paper_pages(known):
     text = {}
     for id_, paper in known.papers.items():
-        values = {**known.shared(), "paper": paper, "counts": _counts(paper, known.verdicts), "findings": report.findings(paper)}
+        values = {**known.shared(), "paper": paper, "counts": _counts(paper, known.verdicts), "findings": _findings(paper)}
         text[f"papers/{id_}.md"] = page("paper.md", **values, items=[item for item in paper.items if item in known.contents])
         text[f"claims/{id_}/index.md"] = page("paper_claims.md", **values)
     return text
@@ -128,12 +132,16 @@ def _cards(known):
         items = known.papers[paper].items if paper in known.papers else {}
         mine = {known.verdicts[claim_id] for claim_id, claim in known.claims.items() if claim.item == id_}
         shared = {
-            "id": id_, "title": known.titles[id_], "page": f"notebooks/{id_}.ipynb", "paper": paper.capitalize(),
+            "id": id_, "title": known.titles[id_], "page": f"notebooks/{id_}.ipynb", "paper": known.names.get(paper, ""),
             "topic": items[id_].topic if id_ in items else ledger.Item.topic, "verdicts": [verdict for verdict in VERDICTS if verdict in mine],
         }  # fmt: skip
         for stem, alt in site_notebooks.pictures(content, id_).items():
             cards.append(shared | {"alt": alt, "figure": f"{paper}/{stem}", "picture": f"thumbnails/{paper}/{stem}.png"})
     return cards
+
+
+def _findings(paper):
+    return report.findings(paper, headlines=True) + report.findings(paper)
 
 
 def _counts(paper, verdicts):
