@@ -115,16 +115,6 @@ def optimum(machine, omega_e, T_e, *, model="full", convention="consistent", V_m
         See `drivelib.pmsm`.
     V_max, I_max : float, optional
         Largest phase voltage (V, peak; see `pmsm.voltage_limit`) and terminal current (A, peak).
-
-    Examples
-    --------
-    At standstill there is no iron loss, so the surface machine wants no i_d, and all loss is 3/2 R_s i_q²:
-
-    >>> from drivelib.machines import SPMSM
-    >>> best = optimum(SPMSM, omega_e=0.0, T_e=1.0)
-    >>> i_q = 1.0 / (1.5 * SPMSM.P * SPMSM.psi_f)
-    >>> abs(float(best.i_d)) < 1e-12, abs(float(best.loss) - 1.5 * SPMSM.R_s * i_q**2) < 1e-9
-    (True, True)
     """
     omega_e, T_e = np.broadcast_arrays(array("omega_e", omega_e, "rad/s"), array("T_e", T_e, "N m"))
     q = T_e / (1.5 * machine.P)

@@ -225,13 +225,7 @@ def describe(claim):
 
 
 def table_cell(text):
-    r"""Return a text as it must stand in a cell of a Markdown table.
-
-    Examples
-    --------
-    >>> print(table_cell("|i_d|"))
-    \|i_d\|
-    """
+    """Return a text as it must stand in a cell of a Markdown table."""
     return text.replace("|", "\\|")
 
 

@@ -12,13 +12,15 @@ MODULES = [architecture.module(name) for layer in architecture.LAYERS for name i
 SHOWN = (
     "drivelib.machines.ParameterSet.changed",
     "drivelib.pmsm.torque",
-    "drivelib.pmsm_optimum.optimum",
+    "drivelib.curves.interior_minima",
     "drivelib.control.speed_gains",
     "drivelib.fuzzy.fuzzy_output",
     "drivelib.metrics.error_indices",
     "drivelib.dfim_drive.simulate",
     "drivelib.ensemble.evaluate",
     "drivelib.ledger.judge",
+    "drivelib.table2.Printed.ratio",
+    "drivelib.validation.number",
     "drivelib.record.begin",
 )
 
