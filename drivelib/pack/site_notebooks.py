@@ -78,7 +78,7 @@ def table(path):
         ``name``, ``columns`` (name, unit, meaning, least, largest), ``header``, ``rows`` and ``count`` (of all rows).
     """
     lines = path.read_text(encoding="utf-8").splitlines()
-    about = [re.fullmatch(r"# (\S+) \[(.*?)\]: (.*)", line) for line in lines if line.startswith("#")]
+    about = [re.fullmatch(r"# (.+?) \[(.*?)\]: (.*)", line) for line in lines if line.startswith("#")]
     about = {match[1]: (match[2], match[3]) for match in about if match}
     header, *rows = list(csv.reader(io.StringIO("\n".join(line for line in lines if not line.startswith("#")))))
     columns = []

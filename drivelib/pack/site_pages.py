@@ -183,7 +183,7 @@ def _robustness():
     found = {}
     for path in sorted((paths.root() / "figures" / "beyond").glob("claim_robustness*.csv")):
         text = path.read_text(encoding="utf-8").splitlines()
-        about = {match[1]: match.groups()[1:] for match in (re.fullmatch(r"# (\S+) \[(.*?)\]: (.*)", line) for line in text) if match}
+        about = {match[1]: match.groups()[1:] for match in (re.fullmatch(r"# (.+?) \[(.*?)\]: (.*)", line) for line in text) if match}
         for row in csv.DictReader(io.StringIO("\n".join(line for line in text if not line.startswith("#")))):
             shown = found.setdefault(row.pop("claim", None), [])
             for name, value in row.items():
