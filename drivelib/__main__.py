@@ -48,6 +48,9 @@ def main(arguments=None):
     claims.add_argument("--verdict", help="claims with this verdict only")
     clean = commands.add_parser("clean-notebooks", help="bring notebooks that were saved by hand into the committed form")
     clean.add_argument("items", nargs="*", metavar="ID")
+    site = commands.add_parser("site", help="everything as one static folder to be read in a browser, without a server")
+    site.add_argument("--out", metavar="DIR", help="where to write (default: build/site)")
+    site.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes at once")
     commands.add_parser("lab", help="JupyterLab with the runner's environment; all arguments go to JupyterLab")
     commands.add_parser("bench", help="measure speed beside C and other packages; --help lists its options")
     commands.add_parser("test", help="pytest with the runner's environment; all arguments go to pytest")
@@ -57,9 +60,9 @@ def main(arguments=None):
         return _replace(*arguments)
     options = parser.parse_args(arguments)
     from drivelib.pack import commands as usual
-    from drivelib.pack import review, verify
+    from drivelib.pack import review, site, verify
 
-    implementation = {"difference": review, "accept": review, "verify": verify}.get(options.command, usual)
+    implementation = {"difference": review, "accept": review, "site": site, "verify": verify}.get(options.command, usual)
     try:
         return getattr(implementation, options.command.replace("-", "_"))(options)
     except ValueError as error:

@@ -36,6 +36,14 @@ def speed_gains(J, f, omega_n, xi):
     ValueError
         If an input is out of range, or the poles asked for are slower than friction alone makes them
         (K_p would not be positive).
+
+    Examples
+    --------
+    K_p = 2 · 0.7 · 20 rad/s · 0.2 kg m², K_i = 0.2 kg m² · (20 rad/s)²:
+
+    >>> gains = speed_gains(J=0.2, f=0.0, omega_n=20.0, xi=0.7)
+    >>> print(f"{gains.K_p:.2f} N m s/rad, {gains.K_i:.2f} N m/rad")
+    5.60 N m s/rad, 80.00 N m/rad
     """
     J, f = number("J", J, "kg m²", above=0), number("f", f, "N m s", at_least=0)
     omega_n, xi = number("omega_n", omega_n, "rad/s", above=0), number("xi", xi, above=0)

@@ -14,6 +14,11 @@ def interior_minima(values):
     ------
     ValueError
         If fewer than three points are given or one is not finite.
+
+    Examples
+    --------
+    >>> print(interior_minima([3, 1, 2, 0, 0, 4]), interior_minima([0, 1, 2]))
+    2 0
     """
     values = np.atleast_1d(array("values", values))
     if values.shape[-1] < 3:

@@ -35,6 +35,14 @@ def evaluate(draws, function, columns, **options):
     -------
     structured array, shape (number of draws,)
         Field ``failure`` (0, or k where the k-th of ``flagged`` was raised and the row is NaN), then the columns.
+
+    Examples
+    --------
+    Any function that returns one number per column; a thread per core unless an executor is given:
+
+    >>> table = evaluate([1.0, 2.0, 3.0], lambda x: (x, x**2), ("x", "square"))
+    >>> table["square"].tolist()
+    [1.0, 4.0, 9.0]
     """
     return np.concatenate(list(stream(draws, function, columns, **options)))
 

@@ -81,6 +81,13 @@ def fuzzy_output(e, de):
     fired rules name at most three neighbouring sets: ``low``, ``mid``, ``high``.
 
     Source: Zidani sec. IV.B, table I and figure 5.
+
+    Examples
+    --------
+    Zero inputs fire "zero" alone; inputs at the edge fire the last set alone, a half triangle with its centroid at 8/9:
+
+    >>> print(f"{fuzzy_output(0.0, 0.0):.4f}, {fuzzy_output(1.0, 1.0):.4f}")
+    0.0000, 0.8889
     """
     if math.isnan(e) or math.isnan(de):
         return math.nan

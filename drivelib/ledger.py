@@ -84,7 +84,7 @@ class Item:
     """One notebook: figure or table of a paper, and the items whose numbers it reads.
 
     ``equations`` are the paper's numbers of those it rests on; ``tolerance`` is the relative difference of its
-    arrays and numbers that still counts as unchanged.
+    arrays and numbers that still counts as unchanged; ``topic`` is what the gallery filters by.
     """
 
     id: str
@@ -92,6 +92,7 @@ class Item:
     equations: str = ""
     needs: tuple[str, ...] = ()
     tolerance: float = TOLERANCE
+    topic: str = "other"
 
 
 @dataclass(frozen=True)
@@ -199,9 +200,11 @@ def load(path):
     paper = path.stem
     items, claims, expected = {}, {}, {}
     for stem, entry in raw.get("items", {}).items():
-        _known(entry, ("title", "equations", "needs", "tolerance"), f"{path.name}, item {stem}")
+        _known(entry, ("title", "equations", "needs", "tolerance", "topic"), f"{path.name}, item {stem}")
         tolerance = number(f"{path.name}, item {stem}: tolerance", entry.get("tolerance", TOLERANCE), at_least=0, at_most=0.01)
-        items[f"{paper}/{stem}"] = Item(f"{paper}/{stem}", entry["title"], entry.get("equations", ""), tuple(entry.get("needs", ())), tolerance)
+        items[f"{paper}/{stem}"] = Item(
+            f"{paper}/{stem}", entry["title"], entry.get("equations", ""), tuple(entry.get("needs", ())), tolerance, entry.get("topic", Item.topic)
+        )  # fmt: skip
     for entry in raw.get("claims", []):
         claim = _claim(entry, f"{path.name}, claim {entry.get('id', '(no id)')}", paper, items)
         if claim.id in claims:

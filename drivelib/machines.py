@@ -73,6 +73,15 @@ class ParameterSet:
         ------
         ValueError
             If a name is unknown (the nearest is suggested) or a value is out of range.
+
+        Examples
+        --------
+        >>> from drivelib.machines import IPMSM
+        >>> IPMSM.changed(R_c=400.0).R_c
+        400.0
+        >>> IPMSM.changed(L_d=-0.01)
+        Traceback (most recent call last):
+        ValueError: L_d = -0.01 H: must be a finite number above 0 H
         """
         known = [item.name for item in fields(self)]
         for name in values:

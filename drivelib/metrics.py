@@ -61,6 +61,15 @@ def error_indices(t, omega_ref, omega_m, start=None, end=None):
     ------
     ValueError
         If the time grid is not increasing, lengths differ, or the window holds no period.
+
+    Examples
+    --------
+    An error of 2 rad/s that stands for 3 s: 2 · 3, 2² · 3, and 2 · 3²/2:
+
+    >>> t = np.linspace(0.0, 3.0, 301)
+    >>> found = error_indices(t, np.full(301, 10.0), np.full(301, 8.0))
+    >>> print(f"{found.IAE:.3f} rad, {found.ISE:.3f} rad²/s, {found.ITAE:.3f} rad s")
+    6.000 rad, 12.000 rad²/s, 9.000 rad s
     """
     t, omega_ref, omega_m = _record(t, omega_ref, omega_m)
     start = t[0] if start is None else number("start", start, "s")

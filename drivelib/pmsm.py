@@ -78,7 +78,16 @@ def branch_currents_at_voltage(machine, omega_e, V_s, phi, *, model="full"):
 
 
 def torque(machine, i_od, i_oq):
-    """Return T_e = 1.5 P [λ i_oq + (L_d − L_q) i_od i_oq] (N m): eq. (3), (14), (19)."""
+    """Return T_e = 1.5 P [λ i_oq + (L_d − L_q) i_od i_oq] (N m): eq. (3), (14), (19).
+
+    Examples
+    --------
+    1.5 · 4 pole pairs · 0.232 Wb · 2 A, and with the saliency −0.04 H · −1 A on top:
+
+    >>> from drivelib.machines import IPMSM
+    >>> print(f"{torque(IPMSM, 0.0, 2.0):.3f} N m, {torque(IPMSM, -1.0, 2.0):.3f} N m")
+    2.784 N m, 3.264 N m
+    """
     i_od, i_oq = array("i_od", i_od, "A"), array("i_oq", i_oq, "A")
     return 1.5 * machine.P * (machine.psi_f + machine.delta_L * i_od) * i_oq
 

@@ -4,6 +4,7 @@ Only the runner publishes: it names an output folder in ``DRIVELIB_PUBLISH``. Ru
 notebook writes below ``build/runs`` and its verdicts say that these are not the published conditions.
 """
 
+import csv
 import hashlib
 import inspect
 import io
@@ -44,6 +45,12 @@ def begin(item_id):
     ------
     ValueError
         If the item is unknown, or a parameter was injected that its notebook does not have.
+
+    Examples
+    --------
+    >>> begin("eskander/fig08_minimum_los")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    ValueError: 'eskander/fig08_minimum_los' is no item of any paper's ledger. Did you mean eskander/fig08_minimum_loss...
     """
     namespace = inspect.currentframe().f_back.f_globals
     return Record(item_id, namespace)
@@ -279,12 +286,14 @@ def _csv(columns):
     names = [column.name for column in columns]
     if len(set(names)) != len(names):
         raise ValueError(f"two columns share a name: {', '.join(names)}")
-    lines = [f"# {column.name} [{column.unit or '1'}]: {column.meaning}" for column in columns]
-    lines.append(",".join(names))
+    stream = io.StringIO()
+    stream.writelines(f"# {column.name} [{column.unit or '1'}]: {column.meaning}\n" for column in columns)
+    writer = csv.writer(stream, lineterminator="\n")  # quotes what holds a comma, and nothing else
+    writer.writerow(names)
     arrays = [np.atleast_1d(column.values) for column in columns]
     for row in range(max(len(values) for values in arrays)):
-        lines.append(",".join(_cell(values[row]) if row < len(values) else "" for values in arrays))
-    return "\n".join(lines) + "\n"
+        writer.writerow([_cell(values[row]) if row < len(values) else "" for values in arrays])
+    return stream.getvalue()
 
 
 def _cell(value):

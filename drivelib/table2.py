@@ -22,7 +22,16 @@ class Printed(NamedTuple):
     ITAE: tuple
 
     def ratio(self):
-        """Return (lowest, nominal, highest) ITAE/IAE (s) that rounding allows."""
+        """Return (lowest, nominal, highest) ITAE/IAE (s) that rounding allows.
+
+        Examples
+        --------
+        The PI row of table II: an ITAE of 1.0530 over an IAE of 0.5265 is a horizon of 2 s.
+
+        >>> row = Printed(IAE=(0.5265, 0.00005), ISE=(1.4960, 0.00005), ITAE=(1.0530, 0.00005))
+        >>> print(" to ".join(f"{value:.3f}" for value in row.ratio()[::2]))
+        2.000 to 2.000
+        """
         (a, da), (t, dt) = self.IAE, self.ITAE
         return (t - dt) / (a + da), t / a, (t + dt) / (a - da)
 

@@ -77,7 +77,7 @@ def fit_pi(scenario, row, xi, load):
 
     Parameters
     ----------
-    scenario : Scenario
+    scenario : dfim_scenario.Scenario
         Machine, limits, current loops, inverter.
     row : table2.Printed
     xi : float

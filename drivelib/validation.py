@@ -13,6 +13,14 @@ def number(name, value, unit="", *, above=None, at_least=None, at_most=None, who
     ------
     ValueError
         Naming the parameter, its value, unit and allowed range.
+
+    Examples
+    --------
+    >>> number("R_s", 4.3, "ohm", at_least=0)
+    4.3
+    >>> number("R_s", -1, "ohm", at_least=0)
+    Traceback (most recent call last):
+    ValueError: R_s = -1 ohm: must be a finite number at least 0 ohm
     """
     # Half of an ensemble's time would go into these checks with NumPy's, which are made for arrays.
     plain = type(value) in (float, int)

@@ -181,3 +181,13 @@ def _no_stray_root(monkeypatch):
     for name in ("DRIVELIB_PUBLISH", "DRIVELIB_OUT", "DRIVELIB_READ"):
         monkeypatch.delenv(name, raising=False)
     assert os.environ.get("MPLBACKEND", "agg") == "agg"
+
+
+@pytest.fixture(scope="session")
+def built_site(tmp_path_factory):
+    """The site of this repository, built as a user builds it; warnings are errors."""
+    target = tmp_path_factory.mktemp("site") / "html"
+    command = [sys.executable, "-m", "drivelib", "site", "--out", str(target)]
+    done = subprocess.run(command, cwd=REPOSITORY, env=environment.pinned(PYTHONPATH=REPOSITORY), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return target

@@ -7,30 +7,21 @@ import sys
 import pytest
 
 from drivelib.pack import freshness
+from drivelib.pack.architecture import LAYERS, layer_of
 
-LAYERS = (
-    {"__init__", "paths", "validation", "profiles"},
-    {"machines", "curves", "pmsm", "pmsm_angle", "pmsm_optimum", "circuits", "identification", "metrics", "dfim_machines", "dfim", "dfim_decoupling", "dfim_response", "pmsm_dynamics", "transients", "decimation", "table2", "table2_sets", "identifiability", "misprints", "dfim_optimum"},
-    {"control", "fuzzy", "fuzzy_facts", "fuzzy_reference", "fuzzy_sets", "neural", "levenberg", "training", "networks", "speed_law", "pmsm_law", "loss_map", "fixed_point", "export_c", "dfim_map", "export_c_dfim"},
-    {"dfim_plant", "pwm", "dfim_control", "dfim_loop", "dfim_lanes", "dfim_many", "ensemble", "shards", "space", "dfim_scenario", "dfim_drive", "pmsm_plant", "pmsm_scenario", "pmsm_loop", "pmsm_drive", "ann_data", "contest", "table2_fit", "misprints_drive"},
-    {"ledger", "symbolic", "derivations", "derivations_zidani", "derivations_rest", "units", "errata", "errata_rows"},
-    {"environment", "bootstrap", "notebook", "plotting", "diagrams", "network_diagram", "schemes", "schemes_zidani", "orientation", "claim_map", "record", "export", "interactive", "pmsm_panels", "dfim_panels"},
-    {"pack/__init__", "pack/freshness", "pack/tokens", "pack/preloaded", "pack/kernels", "pack/engine", "pack/worker", "pack/attempt", "pack/runner", "pack/check", "pack/report", "pack/readme", "pack/difference", "pack/commands", "pack/layers", "pack/publishing", "pack/review", "pack/verify", "pack/cells", "pack/processors", "__main__"},
-)
 FILES = sorted(path.relative_to(freshness.PACKAGE).with_suffix("").as_posix() for path in freshness.PACKAGE.rglob("*.py"))
-
-
-def layer(name):
-    found = [number for number, names in enumerate(LAYERS) if name in names or name == "papers/__init__"]
-    assert found, f"{name} belongs to no layer; add it to LAYERS"
-    return found[0]
 
 
 @pytest.mark.parametrize("name", FILES)
 def test_a_file_imports_its_own_layer_and_lower_ones_only(name):
     text = (freshness.PACKAGE / f"{name}.py").read_text()
     for imported in freshness._imported(text):
-        assert layer(imported.removesuffix(".py")) <= layer(name), f"{name} imports {imported}"
+        assert layer_of(imported.removesuffix(".py")) <= layer_of(name), f"{name} imports {imported}"
+
+
+def test_no_layer_lists_a_file_that_is_not_there_or_that_another_one_lists():
+    listed = [name for layer in LAYERS for name in layer.files]
+    assert sorted(listed) == FILES
 
 
 def test_no_two_files_import_one_another_in_a_circle():
@@ -49,18 +40,6 @@ def test_the_physics_pays_for_nothing_heavy(heavy):
     code = f"import sys; from drivelib import machines, pmsm, pmsm_optimum, pmsm_angle, curves; print({heavy!r} in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
-
-
-def test_the_drive_loops_and_ensembles_pay_for_no_training_and_no_peer():
-    code = "import sys; from drivelib import dfim_many, dfim_drive, pmsm_drive, fuzzy, neural, ensemble, metrics; print({'torch', 'skfuzzy'} & set(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "set()"
-
-
-def test_importing_the_package_alone_imports_no_library():
-    code = "import sys; import drivelib; print({'numpy', 'numba', 'scipy', 'matplotlib', 'torch', 'skfuzzy'} & set(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "set()"
 
 
 @pytest.mark.parametrize("name", FILES)

@@ -96,3 +96,11 @@ def test_a_write_that_fails_leaves_the_old_file_and_no_scrap(tmp_path, monkeypat
         record.write_atomically(path, b"new")
     assert path.read_bytes() == b"old"
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.json"]
+
+
+def test_a_name_with_a_comma_is_one_column_of_the_csv_file():
+    import csv
+
+    text = record._csv([record.Column("torque, PI", "N m", "torque", [1.0, 2.0]), record.Column("t", "s", "time", [0.5])])
+    rows = list(csv.reader(line for line in text.splitlines() if not line.startswith("#")))
+    assert rows == [["torque, PI", "t"], ["1", "0.5"], ["2", ""]]

@@ -9,9 +9,10 @@ from drivelib import paths
 from drivelib.pack import layers, report
 from drivelib.record import write_atomically
 
-STYLE = """body{font:16px/1.5 sans-serif;margin:2rem;max-width:110rem} figure{display:inline-block;width:32%;margin:0}
-img{max-width:100%;border:1px solid #999} td,th{padding:.2rem .8rem;text-align:left;vertical-align:top} td{overflow-wrap:anywhere}
-input{font:inherit;width:24rem} [hidden]{display:none}"""
+STYLE = """:root{color-scheme:light dark} body{color:CanvasText;background:Canvas;font:16px/1.5 sans-serif;margin:2rem;max-width:110rem}
+figure{display:inline-block;width:32%;margin:0} @media(max-width:40rem){body{margin:1rem} figure{width:100%}} div{overflow-x:auto}
+img{max-width:100%;border:1px solid #999;background:#fff} td,th{padding:.2rem .8rem;text-align:left;vertical-align:top} td{overflow-wrap:anywhere}
+input{font:inherit;width:24rem;max-width:100%} [hidden]{display:none}"""
 FILTER = """document.getElementById("filter").addEventListener("input",function(){
 var wanted=this.value.toLowerCase().split(/\\s+/);
 document.querySelectorAll("[data-text]").forEach(function(row){
@@ -37,13 +38,13 @@ def write_page(old_root, new_root, chosen, problems, target):
         for claim, result, verdict in report.rows(now)
         if claim.item in chosen
     )
-    page = f"""<!doctype html><html lang="en"><meta charset="utf-8"><title>Differences</title><style>{STYLE}</style>
+    page = f"""<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>Differences, old beside new</title><style>{STYLE}</style>
 <h1>Differences</h1><p><label>Show only what contains <input id="filter" type="search"></label></p>
 <ul>{"".join(f'<li data-text="{html.escape(line)}">{html.escape(line)}</li>' for line in problems)}</ul>
 <h2>By layer, worst first</h2><p>Numbers decide, pictures inform.</p>
-{f"<table><tr><th>layer</th><th>item</th><th>old → new</th></tr>{rows}</table>" if rows else "<p>Nothing differs.</p>"}
+{f"<div><table><tr><th>layer</th><th>item</th><th>old → new</th></tr>{rows}</table></div>" if rows else "<p>Nothing differs.</p>"}
 <h2>Pictures, worst first</h2>{"".join(shown) or "<p>No picture differs.</p>"}
-<h2>Verdicts of the new files</h2><table><tr><th>claim</th><th>ours</th><th>verdict</th></tr>{verdicts}</table>
+<h2>Verdicts of the new files</h2><div><table><tr><th>claim</th><th>ours</th><th>verdict</th></tr>{verdicts}</table></div>
 <script>{FILTER}</script></html>
 """
     write_atomically(Path(target) / "index.html", page.encode())
