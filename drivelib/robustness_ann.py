@@ -14,9 +14,9 @@ from drivelib.dfim_scenario import DEFAULT_SCENARIO
 from drivelib.levenberg_one import fit
 from drivelib.validation import array, choice, number
 
-STEP = 1e-3  # s, of the teacher's loop
+STEP = 2e-3  # s, of the teacher's loop
 LOADS = {"both signs": (-1.0, -0.5, 0.5, 1.0), "one sign": (0.5, 1.0)}
-FINE, PER_TURN = 0.5, 7.0  # rad/s and 1: classes of equal width below the first, of 14 % above
+FINE, PER_TURN = 0.5, 5.0  # rad/s and 1: classes of equal width below the first, of 20 % above
 EPOCHS = 100
 
 _options = {"cache": True, "nogil": True, "error_model": "numpy"}
@@ -38,15 +38,17 @@ def _teacher(K_p, K_i, J, f, T_limit, h, reference, load, error, command):
         omega += h * (torque - load[k] - f * middle) / J
 
 
-def teacher_data(scenario, loads="both signs"):
-    """Return (error in rad/s, command in N m) of PI runs at several operating points, one value per millisecond.
+def teacher_data(scenario, gains, loads="both signs"):
+    """Return (error in rad/s, command in N m) of PI runs at several operating points, one value per 2 ms.
 
     Set points, instants and operating points as in ``ann_data``; loads are shares of the rated torque.
 
     Parameters
     ----------
     scenario : Scenario
-        Machine, ω_n, ξ and torque limit of the teacher.
+        Machine and torque limit.
+    gains : control.PiGains
+        Of the teacher.
     loads : {"both signs", "one sign"}
     """
     factors = LOADS[choice("loads", loads, tuple(LOADS))]
@@ -59,7 +61,7 @@ def teacher_data(scenario, loads="both signs"):
     on = machine.T_rated * (on > 0)
     error, command = np.empty((2, len(SPEED_FACTORS) * len(factors), t.size))
     for run, (speed, load) in enumerate((speed, load) for speed in SPEED_FACTORS for load in factors):
-        _teacher(*scenario.speed_gains, machine.J, machine.f, scenario.T_limit, STEP, speed * reference, load * on, error[run], command[run])
+        _teacher(*gains, machine.J, machine.f, scenario.T_limit, STEP, speed * reference, load * on, error[run], command[run])
     return error.ravel(), command.ravel()
 
 

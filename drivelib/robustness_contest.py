@@ -22,12 +22,12 @@ def measures(scenario, runs):
     ----------
     scenario : Scenario
     runs : dict
-        (controller, "nominal" or "increased") to the pair (held load, reversal) of ``robustness_dfim.Part``; "switching" to the loaded
-        ANN's pair of runs with averaged and switching inverters.
+        (controller, "nominal" or "increased") to the pair (load's coming, reversal) of ``robustness_dfim.Part``; (controller, "held") to
+        the whole hold; "switching" to the loaded ANN's pair of runs with averaged and switching inverters.
     """
-    held = {name: _under_load(scenario, runs[name, "nominal"][0]) for name in CONTROLLERS if (name, "nominal") in runs}
+    held = {name: _under_load(scenario, runs[name, "held"]) for name in CONTROLLERS if (name, "held") in runs}
     arrival = {name: _arrival(scenario, runs[name, "nominal"][1]) for name in held}
-    both = [name for name in CONTROLLERS if (name, "increased") in runs]
+    both = [name for name in held if (name, "increased") in runs]
     change = {name: _change(runs[name, "nominal"], runs[name, "increased"]) for name in both}
     index = {name: 100 * abs(runs[name, "increased"][0].indices.IAE / runs[name, "nominal"][0].indices.IAE - 1) for name in both}
     flux = {(name, kind): _flux(scenario, runs[name, kind]) for name in both for kind in ("nominal", "increased")}
@@ -37,7 +37,7 @@ def measures(scenario, runs):
     if "FLC" in held:
         flc = held["FLC"]
         found |= {"fig10/flc": flc["steady"], "end-3": flc["steady"], "fig10/flc/dip": flc["dip"], "fig10/flc/overshoot": flc["overshoot"]}
-        found["eq21/x"] = flc["steady"] / 100 * _set_point(runs["FLC", "nominal"][0])
+        found["eq21/x"] = flc["steady"] / 100 * _set_point(runs["FLC", "held"])
     if "ANN" in held:
         found |= {"fig10/ann": held["ANN"]["dip"], "fig10/ann/overshoot": held["ANN"]["overshoot"], "end-2": held["ANN"]["steady"]}
     if "switching" in runs:
@@ -55,7 +55,7 @@ def measures(scenario, runs):
         found |= {f"fig12{tail}": max(flux[name, kind] for name in CONTROLLERS) for tail, kind in (("", "increased"), ("/nominal", "nominal"))}
         found["end-5/flux"] = max(flux["FLC", "increased"], flux["ANN", "increased"]) / max(flux["PI", "increased"], LEAST)
         found["end-5/stability"] = max(one["ripple"] for one in held.values())
-        found["end-1"] = _worst_ratio({name: runs[name, "nominal"][0].indices for name in CONTROLLERS})
+        found["end-1"] = _worst_ratio({name: runs[name, "held"].indices for name in CONTROLLERS})
         found["end-5/dynamics"] = arrival["ANN"] / min(arrival["PI"], arrival["FLC"])
         recovery = {name: max(held[name]["recovery"], scenario.period) for name in CONTROLLERS}
         found["end-5/dynamics/load"] = recovery["ANN"] / min(recovery["PI"], recovery["FLC"])
