@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from multiprocessing import get_context
 
+import numba
 import numpy as np
 from scipy.stats import binomtest
 
@@ -93,7 +94,8 @@ def run(study, draws, seed, **options):
 
     Draw k is the same for any executor, order and shard size.
     """
-    return evaluate(draws, partial(one_draw, study), study.columns, seed=seed, **{"shard_size": 100, **options})
+    version = f"numpy {np.__version__}, numba {numba.__version__}"
+    return evaluate(draws, partial(one_draw, study), study.columns, seed=seed, **{"shard_size": 100, "version": version, **options})
 
 
 def processes(workers=None):
