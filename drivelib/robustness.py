@@ -27,6 +27,7 @@ REACH, NETWORK, DIVERGED = 1, 2, 4
 FLAGS = {REACH: "point out of reach", NETWORK: "network did not converge", DIVERGED: "drive diverged"}
 CONFIDENCE = 0.95
 LEAF = 0.02  # of the draws: a rule about fewer would describe chance
+WORTH = 0.1  # of the first assumption's share in the tree's gain: a weaker one is not said to decide
 
 
 @dataclass(frozen=True)
@@ -180,7 +181,8 @@ def decided_by(study, table, holds):
         gains[name] = gains.get(name, 0.0) + gain
     if not gains:
         return (), f"nothing tells the {100 * holds.mean():.1f} % apart"
-    return tuple(sorted(gains, key=lambda name: -gains[name])[:2]), _text(study, tree, questions, 0)
+    strong = [name for name in gains if gains[name] >= WORTH * max(gains.values())]
+    return tuple(sorted(strong, key=lambda name: -gains[name])[:2]), _text(study, tree, questions, 0)
 
 
 def label(study, name):

@@ -9,14 +9,15 @@ import numpy as np
 from numba import njit
 
 from drivelib import control
-from drivelib.ann_data import SPEED_FACTORS, SPLIT
+from drivelib.ann_data import SPLIT
 from drivelib.dfim_scenario import DEFAULT_SCENARIO
 from drivelib.levenberg_one import fit
 from drivelib.validation import array, choice, number
 
 STEP = 2e-3  # s, of the teacher's loop
 LOADS = {"both signs": (-1.0, -0.5, 0.5, 1.0), "one sign": (0.5, 1.0)}
-FINE, PER_TURN = 0.5, 5.0  # rad/s and 1: classes of equal width below the first, of 20 % above
+FINE, PER_TURN = 0.5, 4.0  # rad/s and 1: classes of equal width below the first, of 25 % above
+SPEEDS = (1.0, 0.2)  # on the set points: the cycle, and the same at low speed
 EPOCHS = 100
 
 _options = {"cache": True, "nogil": True, "error_model": "numpy"}
@@ -41,7 +42,7 @@ def _teacher(K_p, K_i, J, f, T_limit, h, reference, load, error, command):
 def teacher_data(scenario, gains, loads="both signs"):
     """Return (error in rad/s, command in N m) of PI runs at several operating points, one value per 2 ms.
 
-    Set points, instants and operating points as in ``ann_data``; loads are shares of the rated torque.
+    Instants of the default scenario's cycle; loads are shares of the rated torque.
 
     Parameters
     ----------
@@ -59,8 +60,8 @@ def teacher_data(scenario, gains, loads="both signs"):
         for profile in (cycle.speed_reference, cycle.load_torque)
     )
     on = machine.T_rated * (on > 0)
-    error, command = np.empty((2, len(SPEED_FACTORS) * len(factors), t.size))
-    for run, (speed, load) in enumerate((speed, load) for speed in SPEED_FACTORS for load in factors):
+    error, command = np.empty((2, len(SPEEDS) * len(factors), t.size))
+    for run, (speed, load) in enumerate((speed, load) for speed in SPEEDS for load in factors):
         _teacher(*gains, machine.J, machine.f, scenario.T_limit, STEP, speed * reference, load * on, error[run], command[run])
     return error.ravel(), command.ravel()
 

@@ -88,7 +88,8 @@ def _arrival(scenario, part):
 
 def _change(nominal, increased):
     """Largest change of speed that R_r makes, in % of the set point."""
-    return max(100 * np.max(np.abs(a["omega_m"] - b["omega_m"])) / _set_point(a) for a, b in zip(nominal, increased, strict=True))
+    pairs = zip(nominal, increased, strict=True)
+    return max(100 * np.max(np.abs(a["omega_m"][: len(b.record)] - b["omega_m"])) / _set_point(a) for a, b in pairs)
 
 
 def _flux(scenario, parts):

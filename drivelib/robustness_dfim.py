@@ -1,7 +1,7 @@
 """Zidani's comparative claims in one draw: PI, fuzzy and neural control of one drawn drive, with R_r and R_r + 50 %.
 
 The worst event of figure 10 is the load at its lowest set point, 30 rad/s, so this is what is simulated: the drive stands
-settled there and the load comes. In one branch it is held; in the other it leaves after a quarter of a second, as the set point is
+settled there and the load comes. In one branch it is held; in the other it leaves after a fifth of a second, as the set point is
 reversed. What the ledger's measures mean is unchanged (``contest``, ``metrics``); only their events are these.
 """
 
@@ -21,8 +21,9 @@ from drivelib.speed_law import PiSpeed
 from drivelib.table2_fit import swings
 
 SET_POINT = 30.0  # rad/s, the lowest of figure 10
-ONSET = 0.25  # s, from the load's coming to the reversal, in the branch that has one
+ONSET = 0.2  # s, from the load's coming to the reversal, in the branch that has one
 ARRIVAL = 0.4  # s, for which the reversal is watched
+AFTER = 0.2  # s, the same with R_r increased: the torque has reversed by then
 NOISE_STEP = 0.01  # s, for which the load's fluctuation holds one value
 RIPPLE = 0.04  # s, with switching inverters
 R_R_FACTOR = 1.5
@@ -46,7 +47,7 @@ SPACE = Space(
         "V_dc": OPEN["V_dc_s"],
         "T_limit": Span(1.2, 2.5),
         "load": Span(0.25, 1.0),
-        "hold": Span(0.3, 2.0, log=True),
+        "hold": Span(0.25, 2.0, log=True),
         "load_noise": Span(0.0, 0.02),
         "frequency_law": tuple(control.FREQUENCY_LAWS),
         "flux_estimator": FLUX_ESTIMATORS,
@@ -190,7 +191,7 @@ def laws_of(values, scenario, network):
 
 
 def profiles_of(values, scenario, rng):
-    """Return the profiles of the load's first quarter of a second, of the rest of its hold, and of the reversal.
+    """Return the profiles of the load's first fifth of a second, of the rest of its hold, and of the reversal.
 
     The first and the last also with R_r increased, under the same noise: keys (part, "nominal" or "increased").
     """
@@ -204,8 +205,10 @@ def profiles_of(values, scenario, rng):
         reference = np.full(changes.size, -SET_POINT if part == "reversal" else SET_POINT)
         late = part == "onset" and values["r_r_instant"] == "under load"
         factor = np.where(changes < (0.5 * steps if late else 0), 1.0, R_R_FACTOR)
-        for name, factors in (("nominal", np.ones(changes.size)), ("increased", factor)):
-            result[part, name] = (changes, np.column_stack([reference, load, factors]), steps)
+        short = round(AFTER / scenario.period) if part == "reversal" else steps
+        kept = changes < short
+        result[part, "nominal"] = (changes, np.column_stack([reference, load, np.ones(changes.size)]), steps)
+        result[part, "increased"] = (changes[kept], np.column_stack([reference, load, factor])[kept], short)
     return result
 
 

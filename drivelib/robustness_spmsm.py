@@ -34,7 +34,7 @@ SPACE = Space(
     {
         "R_c_spmsm": ASSUMPTIONS["R_c_spmsm"],
         "omega_rated_spmsm": ASSUMPTIONS["omega_rated_spmsm"],
-        "points": (6, 8, 10, 12),
+        "points": (6, 8, 10),
         "goal": GOALS,
         "training_ends": ("at the goal", "after 100 epochs"),
         "torque_top": Span(0.25, 1.0),

@@ -16,7 +16,7 @@ SHARES = np.linspace(0.1, 1.0, 10)  # of rated speed: the operating range
 RPM = np.pi / 30
 FIG02_SPEEDS = RPM * np.array([500.0, 1000.0, 1500.0])  # rad/s
 FIG03_TORQUES = np.arange(1.0, 6.0)  # N m
-REACHES = np.geomspace(0.1, 20.0, 80)  # of rated speed, where the highest one is sought
+REACHES = np.geomspace(0.1, 20.0, 60)  # of rated speed, where the highest one is sought
 CLOCK = Span(5e6, 80e6, log=True)  # Hz, processors of 2002
 
 # What public files of the same machine have beside the printed appendix.
@@ -194,7 +194,7 @@ def _torque_ratio(machine, values):
         "equal current": (lambda i: np.hypot(i_d, i), i_oq),
         "equal voltage": (lambda i: pmsm.stator_voltage(machine, w, i_d, i, model="simplified"), pmsm.stator_voltage(machine, w, 0.0, i_oq, model="simplified")),
     }[values["constraint"]]
-    i_best = last_below(*kept, np.zeros_like(i_oq), 10 * _torque_current(machine, machine.T_rated), steps=40)
+    i_best = last_below(*kept, np.zeros_like(i_oq), 10 * _torque_current(machine, machine.T_rated), steps=30)
     ratio = i_oq / i_best
     return np.nanmedian(ratio) if np.isfinite(ratio).any() else np.nan
 
