@@ -23,7 +23,6 @@ SCHEMA = 1
 DIGITS = 9  # what survives a change of processor and compiler with margin; more would be noise
 PUBLISH = "DRIVELIB_PUBLISH"
 OUT = "DRIVELIB_OUT"
-READ = "DRIVELIB_READ"  # where the numbers of other items are read
 SUFFIXES = ("png", "svg", "csv")
 UNPUBLISHED = "not the published conditions"
 
@@ -215,11 +214,6 @@ def _say(text):
     from IPython.display import Markdown, display
 
     display(Markdown(text))
-
-
-def results_folder():
-    """Return the folder below which the results of other items lie: the published ones, or those of a check."""
-    return Path(os.environ.get(READ) or paths.root() / "figures")
 
 
 def describe(claim):

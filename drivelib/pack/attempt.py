@@ -80,7 +80,7 @@ class Attempt:
         self.folder = stage / "figures" / Path(item).parent
         where = {
             record.PUBLISH if publish else record.OUT: self.folder,
-            record.READ: stage / "figures" if mirror else paths.root() / "figures",
+            paths.READ: stage / "figures" if mirror else paths.root() / "figures",
             tokens.TOKEN: self.token,
         }
         environment_ = variables(self.private, changes, **where)
