@@ -17,6 +17,7 @@ def main(arguments=None):
     reproduce.add_argument("--jobs", type=int, default=os.cpu_count(), help="notebooks at once (default: one per core)")
     reproduce.add_argument("--force", action="store_true", help="run fresh ones too")
     reproduce.add_argument("--check", action="store_true", help="run all, compare with the committed files, write nothing")
+    reproduce.add_argument("--plain", action="store_true", help="start each kernel as a new Python instead of forking it")
     reproduce.add_argument("--seed", type=int, help="shuffle the order; with --check (drawn by default) the hash seed too")
     reproduce.add_argument("--keep", metavar="DIR", help="with --check: where to leave the difference page when something differs")
 

@@ -4,7 +4,7 @@ import json
 
 from matplotlib.patches import Rectangle
 
-from drivelib import ledger, plotting, record
+from drivelib import ledger, paths, plotting
 
 # Letter and colour: light for what holds, dark for what fails, so that the map reads in grey too.
 LOOKS = {
@@ -30,7 +30,7 @@ def verdicts(paper):
     """
     found = {}
     for item in paper.items:
-        path = record.results_folder() / f"{item}.json"
+        path = paths.results() / f"{item}.json"
         if not path.exists():
             raise ValueError(f"{path}: not there; `python -m drivelib reproduce {item}` makes it")
         found[item] = {claim["id"]: claim["verdict"] for claim in json.loads(path.read_text(encoding="utf-8"))["claims"]}

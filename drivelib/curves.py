@@ -53,3 +53,33 @@ def last_below(function, limit, low, high, *, steps=60):
         inside = function(middle) <= limit
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)
     return np.where(start, np.where(never, top, low), np.nan)
+
+
+def least_between(function, low, high, *, steps=64):
+    """Return where a convex function is least in [low, high], elementwise, by golden section.
+
+    Arrays broadcast. The place is found to the square root of the rounding error, as any search by values is; the
+    function's value there is exact to rounding.
+
+    Raises
+    ------
+    ValueError
+        If ``low`` exceeds ``high`` or one of them is not finite.
+    """
+    number("steps", steps, "", at_least=1, whole=True)
+    low, high = np.broadcast_arrays(array("low", low), array("high", high))
+    if np.any(low > high):
+        raise ValueError(f"low = {low[low > high].flat[0]:g} lies above high = {high[low > high].flat[0]:g}: must be at most high")
+    ratio = (np.sqrt(5) - 1) / 2
+    left, right = high - ratio * (high - low), low + ratio * (high - low)
+    at_left, at_right = function(left), function(right)
+    for _ in range(steps):
+        keep_low = at_left <= at_right
+        low, high = np.where(keep_low, low, left), np.where(keep_low, right, high)
+        new = np.where(keep_low, high - ratio * (high - low), low + ratio * (high - low))
+        value = function(new)
+        left, right, at_left, at_right = (
+            np.where(keep_low, new, right), np.where(keep_low, left, new),
+            np.where(keep_low, value, at_right), np.where(keep_low, at_left, value),
+        )  # fmt: skip
+    return (low + high) / 2

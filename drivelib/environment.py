@@ -6,7 +6,6 @@ them when they load, so they must be set before Python starts.
 
 import os
 import sys
-from importlib import metadata
 from pathlib import Path
 
 PINS = {
@@ -67,6 +66,7 @@ def missing_pins():
 def provenance():
     """Return what computed a result: Python, packages and processor, for the ignored run record."""
     import platform
+    from importlib import metadata
 
     wanted = ("numpy", "scipy", "matplotlib", "torch", "numba", "scikit-fuzzy", "sympy", "papermill")
     return {

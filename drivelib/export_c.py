@@ -28,19 +28,19 @@ static const float @b1[@HIDDEN] = {@b1_values};
 static const float @w2[2][@HIDDEN] = {@w2_values};
 static const float @b2[2] = {@b2_values};
 
-static inline void @network(float omega_m, float torque, float *i_d, float *i_q)
+static inline void @network(float omega_m, float torque, float *@y_0, float *@y_1)
 {
-    float sum_d = @b2[0];
-    float sum_q = @b2[1];
+    float sum_0 = @b2[0];
+    float sum_1 = @b2[1];
     omega_m = @clampf(omega_m, @OMEGA_LOW, @OMEGA_HIGH);
     torque = @clampf(torque, @TORQUE_LOW, @TORQUE_HIGH);
     for (int j = 0; j < @HIDDEN; ++j) {
         const float h = tanhf(@b1[j] + @w1[j][0] * omega_m + @w1[j][1] * torque);
-        sum_d += @w2[0][j] * h;
-        sum_q += @w2[1][j] * h;
+        sum_0 += @w2[0][j] * h;
+        sum_1 += @w2[1][j] * h;
     }
-    *i_d = sum_d;
-    *i_q = sum_q;
+    *@y_0 = sum_0;
+    *@y_1 = sum_1;
 }
 """
 
@@ -51,8 +51,8 @@ Q15_NETWORK = """\
  * the worst case of all roundings together is @q15_bound (derived, not sampled). */
 #define @Q15_OMEGA_FULL_SCALE @x_scale_0 /* rad/s */
 #define @Q15_TORQUE_FULL_SCALE @x_scale_1 /* N m */
-#define @Q15_I_D_FULL_SCALE @y_scale_0 /* A */
-#define @Q15_I_Q_FULL_SCALE @y_scale_1 /* A */
+#define @full_scale_0 @y_scale_0 /* @unit_0 */
+#define @full_scale_1 @y_scale_1 /* @unit_1 */
 static const int16_t @q15_w1[@HIDDEN][2] = {@W1};
 static const int32_t @q15_b1[@HIDDEN] = {@B1};
 static const uint8_t @q15_f1[@HIDDEN] = {@f1};
@@ -88,20 +88,20 @@ static inline int16_t @q15_output(int32_t sum, uint8_t f)
     return (int16_t)(value > 32767 ? 32767 : (value < -32768 ? -32768 : value));
 }
 
-static inline void @network_q15(int16_t omega_m, int16_t torque, int16_t *i_d, int16_t *i_q)
+static inline void @network_q15(int16_t omega_m, int16_t torque, int16_t *@y_0, int16_t *@y_1)
 {
-    int32_t sum_d = @q15_b2[0];
-    int32_t sum_q = @q15_b2[1];
+    int32_t sum_0 = @q15_b2[0];
+    int32_t sum_1 = @q15_b2[1];
     omega_m = @q15_clamp(omega_m, @x_low_0, @x_high_0);
     torque = @q15_clamp(torque, @x_low_1, @x_high_1);
     for (int j = 0; j < @HIDDEN; ++j) {
         const int32_t z = @q15_b1[j] + (int32_t)@q15_w1[j][0] * omega_m + (int32_t)@q15_w1[j][1] * torque;
         const int32_t h = @q15_tanh(z, @q15_f1[j]);
-        sum_d += @q15_w2[0][j] * h;
-        sum_q += @q15_w2[1][j] * h;
+        sum_0 += @q15_w2[0][j] * h;
+        sum_1 += @q15_w2[1][j] * h;
     }
-    *i_d = @q15_output(sum_d, @q15_f2[0]);
-    *i_q = @q15_output(sum_q, @q15_f2[1]);
+    *@y_0 = @q15_output(sum_0, @q15_f2[0]);
+    *@y_1 = @q15_output(sum_1, @q15_f2[1]);
 }
 """
 
@@ -230,6 +230,18 @@ def rows(values, form=number):
     return ", ".join(form(value) for value in values)
 
 
+def output_fields(targets, prefix, *, q15, single):
+    """Return the fields that name the two outputs, with the bounds of both number formats in their units.
+
+    ``targets`` is {name: unit}, ``q15`` and ``single`` the bounds, shape (2,) each.
+    """
+    said = [(f"{value:{form}} {unit} in {name}" for value, (name, unit) in zip(bounds, targets.items(), strict=True)) for bounds, form in ((single, ".2g"), (q15, ".3g"))]
+    found = dict(zip(("float_bound", "q15_bound"), map(" and ".join, said), strict=True))
+    for n, (name, unit) in enumerate(targets.items()):
+        found |= {f"y_{n}": name, f"unit_{n}": unit, f"full_scale_{n}": f"{prefix}_Q15_{name}_FULL_SCALE".upper()}
+    return found
+
+
 def table_lines(values, each=12):
     """Return integers as lines of a C initialiser."""
     pieces = [values[start : start + each] for start in range(0, len(values), each)]
@@ -243,7 +255,6 @@ def q15_fields(q15):
     integers = {name: rows(getattr(q15, name), lambda value: str(int(value))) for name in ("W1", "B1", "f1", "W2", "B2", "f2")}
     return {
         **ends, **scales, **integers,
-        "q15_bound": f"{q15.bound[0]:.3g} A in i_d and {q15.bound[1]:.3g} A in i_q",
         "steps": str(1 << fixed_point.STEP_BITS),
         "table_end": str(fixed_point.TABLE_END),
         "table_size": str(len(fixed_point.TABLE)),

@@ -186,3 +186,17 @@ def float32_bound(network, tanh_ulps=2):
 
     hidden = gamma(W1.shape[1] + 3) * (W1 @ reach + B1) + (tanh_ulps + 0.5) * 2.0**-24
     return W2 @ hidden + gamma(W2.shape[1] + 2) * (W2.sum(axis=1) * (1 + 1e-3) + B2)
+
+
+def format_errors(network, x):
+    """Return {"float", "Q15", "bound"}: what single precision and Q15 differ from double precision at inputs (n, n_in).
+
+    "float" and "Q15" are the largest difference of any output as a share of that output's range, each at the inputs
+    that the format holds; "bound" is the largest Q15 difference over `Q15Network.bound`, which must stay below 1.
+    """
+    q15 = quantised(network)
+    held = np.clip(q15.from_q15(q15.to_q15(x)), network.inputs.low, network.inputs.high)  # what the integers stand for
+    span = np.ptp(network.targets.from_unit(np.array([[-1.0], [1.0]])), axis=0)
+    floats = np.max(np.abs(float32_predict(network, x) - network.predict(single(x))), axis=0)
+    integers = np.max(np.abs(q15.predict(x) - network.predict(held)), axis=0)
+    return {"float": float(np.max(floats / span)), "Q15": float(np.max(integers / span)), "bound": float(np.max(integers / q15.bound))}

@@ -14,6 +14,7 @@ from pathlib import Path
 from drivelib import paths
 from drivelib.validation import choice, nearest, number
 
+INDEX = "index"  # the one item of no paper: where a reader starts; it needs all others and judges nothing
 TOLERANCE = 1e-6  # relative; below it an array or a number counts as unchanged, where byte identity is not asked for
 
 REPRODUCED = "reproduced"
@@ -224,6 +225,8 @@ def claims_of(item_id):
     ValueError
         If no ledger knows the item; the nearest is suggested.
     """
+    if item_id == INDEX:
+        return {}
     items = {id_: paper for paper in papers().values() for id_ in paper.items}
     if item_id not in items:
         raise ValueError(f"{item_id!r} is no item of any paper's ledger{nearest(item_id, items)}")

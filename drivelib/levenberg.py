@@ -7,6 +7,7 @@ stopped is never touched again, so its result does not depend on its neighbours 
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
 import torch
 
 from drivelib.validation import number
@@ -71,9 +72,10 @@ class Schedule:
 # The toolbox's defaults. The epoch limit of 2002 was 100.
 TOOLBOX = Schedule("toolbox")
 TOOLBOX_2002 = Schedule("toolbox 2002", epochs=100)
-# Finds the best minimum of a 2-2-1 network at least as often as MINPACK's lm, the toolbox's schedule about half
-# as often: damping in proportion lets weights that do not matter yet move far. Stops as MINPACK by ftol.
-MARQUARDT = Schedule("Marquardt", mu=1.0, down=0.25, up=4.0, scaled=True, stall=1e-10)
+# The default: damping in proportion lets weights that do not matter yet move far. On four 2-2-1 problems of 1000
+# samples, 40 starts each, it found the best minimum as often as MINPACK's lm or oftener, and spent fewer epochs per
+# start that found it; its factors were chosen on these. Stops as MINPACK by its ftol.
+MARQUARDT = Schedule("Marquardt", mu=1.0, down=0.3, up=10.0, scaled=True, stall=1e-8)
 
 
 class Batch:
@@ -107,9 +109,9 @@ class Batch:
         self.n_hidden, self.activation = n_hidden, activation
         self.n_first = n_hidden * len(self.x1)
         self.size = self.n_first + len(self.t) * (n_hidden + 1)
-        # Pieces of 2 MB: smaller ones pay for calls, larger ones for memory.
-        doubles = self.t.numel() * self.size
-        self.piece = max(1, 262144 // doubles) if self.t.device.type == "cpu" else max(1, 2**25 // doubles)
+        # Pieces of 4 MB: smaller ones pay for calls, larger ones for memory.
+        doubles = self.t.numel() * (self.size + 1)
+        self.piece = max(1, (2**19 if self.t.device.type == "cpu" else 2**25) // doubles)
 
     def errors(self, weights):
         """Return hidden values and errors output - target, shapes (S, n_hidden, N) and (S, n_out, N)."""
@@ -124,7 +126,7 @@ class Batch:
         """Return d error / d weights, shape (S, n_out, size, N), S at most ``piece``; the next call overwrites it."""
         _, W2 = self._layers(weights)
         slope = hidden - hidden * hidden if self.activation == "logistic" else 1.0 - hidden * hidden
-        J = self._J[: len(weights)]
+        J = self._rows[: len(weights), :, :-1]
         for output, own in enumerate(self._own()):
             first = J[:, output, : self.n_first].unflatten(1, (self.n_hidden, -1))
             back = slope * W2[:, output, :-1, None]
@@ -134,19 +136,19 @@ class Batch:
 
     def normal(self, weights, hidden, errors):
         """Return J^T J and J^T e, shapes (S, size, size) and (S, size), S at most ``piece``."""
-        J = self.jacobian(weights, hidden).flatten(0, 1)
-        JtJ = torch.bmm(J, J.transpose(1, 2))
-        eJ = torch.bmm(errors.flatten(0, 1)[:, None, :], J.transpose(1, 2))
-        outputs = (len(weights), len(self.t))
-        return JtJ.unflatten(0, outputs).sum(1), eJ.unflatten(0, outputs).sum(1).squeeze(1)
+        self.jacobian(weights, hidden)
+        rows = self._rows[: len(weights)]
+        rows[:, :, -1] = errors  # both products are blocks of one
+        product = _times_transpose(rows.flatten(0, 1)).unflatten(0, (len(weights), len(self.t))).sum(1)
+        return product[:, :-1, :-1], product[:, :-1, -1]
 
     @cached_property
-    def _J(self):
+    def _rows(self):
         # Fresh memory for every Jacobian would cost more than filling it: zeros and ones are written once.
-        J = self.t.new_zeros(self.piece, len(self.t), self.size, self.n_padded)[..., : self.n]
+        rows = self.t.new_zeros(self.piece, len(self.t), self.size + 1, self.n_padded)[..., : self.n]
         for output, own in enumerate(self._own()):
-            J[:, output, own.stop - 1] = 1.0
-        return J
+            rows[:, output, own.stop - 1] = 1.0
+        return rows
 
     def _own(self):
         # Where each output neuron's weights and bias stand in a row of weights.
@@ -156,6 +158,15 @@ class Batch:
     def _layers(self, weights):
         W1 = weights[:, : self.n_first].unflatten(1, (self.n_hidden, -1))
         return W1, weights[:, self.n_first :].unflatten(1, (len(self.t), -1))
+
+
+def _times_transpose(rows):
+    """Return ``rows @ rows^T`` of each matrix."""
+    if rows.device.type != "cpu":
+        return torch.bmm(rows, rows.transpose(1, 2))
+    # Half of the work, and four numbers at a time where torch's MKL, pinned to equal bits everywhere, takes two.
+    matrices = rows.numpy()
+    return torch.from_numpy(np.matmul(matrices, matrices.transpose(0, 2, 1)))
 
 
 class Descent:

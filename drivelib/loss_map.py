@@ -6,6 +6,7 @@ firmware would ask for them.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -45,10 +46,16 @@ class LossMap:
     best: Optimum
     T_max: np.ndarray
 
+    targets: ClassVar = {"i_d": "A", "i_q": "A"}  # what a network learns, with units
+
     @property
     def reachable(self):
         """Share of the grid that the limits allow (1)."""
         return float(np.mean(self.best.feasible))
+
+    def optimum(self, omega_m, T_e):
+        """Return the Optimum at other speeds (rad/s) and torques (N m), inside the map's limits."""
+        return pmsm_optimum.optimum(self.machine, self.machine.P * omega_m, T_e, V_max=self.V_max, I_max=self.I_max)
 
 
 def loss_map(machine, omega_m, T_e, *, V_max, I_max):
@@ -75,10 +82,19 @@ def loss_map(machine, omega_m, T_e, *, V_max, I_max):
 
 def largest_torque(machine, omega_m, T_low, T_high, *, V_max, I_max):
     """Return the largest torque in [T_low, T_high] (N m) that both limits allow, by bisection; NaN where none is."""
+
+    def optimum(omega_m, T_e):
+        return pmsm_optimum.optimum(machine, machine.P * omega_m, T_e, V_max=V_max, I_max=I_max)
+
+    return reach(optimum, omega_m, T_low, T_high)
+
+
+def reach(optimum, omega_m, T_low, T_high):
+    """Return the largest torque in [T_low, T_high] (N m) at which ``optimum(omega_m, torque)`` is feasible; NaN where none is."""
     omega_m = array("omega_m", omega_m, "rad/s", at_least=0)
 
     def unreachable(T_e):
-        return ~pmsm_optimum.optimum(machine, machine.P * omega_m, T_e, V_max=V_max, I_max=I_max).feasible * 1.0
+        return ~optimum(omega_m, T_e).feasible * 1.0
 
     return last_below(unreachable, 0.5, np.full(omega_m.shape, float(T_low)), float(T_high))
 
@@ -91,14 +107,14 @@ def torque_limit(found, omega_m, headroom):
     """
     headroom = number("headroom", headroom, "", above=0, at_most=1)
     low, high = found.T_e[0], found.T_e[-1]
-    limit = headroom * largest_torque(found.machine, omega_m, low, high / headroom, V_max=found.V_max, I_max=found.I_max)
+    limit = headroom * reach(found.optimum, omega_m, low, high / headroom)
     return np.where(limit >= low, np.minimum(limit, high), np.nan)
 
 
 def training_data(found, points=24, headroom=0.95):
-    """Return what the network learns: (ω_m, T) → (i_d, i_q) on rays from the lowest torque to `torque_limit`.
+    """Return what the network learns: (ω_m, T) → the map's ``targets`` on rays from the lowest torque to `torque_limit`.
 
-    At each of ``points`` speeds of the map's range lie as many torques, so that the border is learned too. Speeds
+    ``found`` is a `LossMap` or a `dfim_map.DfimMap`. At each of ``points`` speeds of the map's range lie as many torques, so that the border is learned too. Speeds
     at which nothing is reachable are left out.
 
     Raises
@@ -107,18 +123,17 @@ def training_data(found, points=24, headroom=0.95):
         If fewer points are left than a map needs.
     """
     points = number("points", points, at_least=2, whole=True)
-    machine = found.machine
     speed = np.linspace(found.omega_m[0], found.omega_m[-1], points)
     limit = torque_limit(found, speed, headroom)
     speed, limit = speed[np.isfinite(limit)], limit[np.isfinite(limit)]
     torque = found.T_e[0] + np.linspace(0, 1, points) * (limit - found.T_e[0])[:, None]
     speed = np.broadcast_to(speed[:, None], torque.shape)
-    best = pmsm_optimum.optimum(machine, machine.P * speed, torque, V_max=found.V_max, I_max=found.I_max)
+    best = found.optimum(speed, torque)
     kept = best.feasible
     if np.sum(kept) < FEWEST:
-        raise ValueError(f"{machine.name}: {np.sum(kept)} of {points**2} training points are inside the limits: must be at least {FEWEST}")
-    x, t = np.column_stack([speed[kept], torque[kept]]), np.column_stack([best.i_d[kept], best.i_q[kept]])
-    return TrainingData(x, t, ("omega_m", "torque"), ("i_d", "i_q"))
+        raise ValueError(f"{found.machine.name}: {np.sum(kept)} of {points**2} training points are inside the limits: must be at least {FEWEST}")
+    x, t = np.column_stack([speed[kept], torque[kept]]), np.column_stack([getattr(best, name)[kept] for name in found.targets])
+    return TrainingData(x, t, ("omega_m", "torque"), tuple(found.targets))
 
 
 def trained(data, *, hidden=10, starts=8, seed=2002, rms_percent=0.3):

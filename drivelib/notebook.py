@@ -3,7 +3,6 @@
 import ast
 import hashlib
 import json
-import re
 
 from drivelib.validation import nearest
 
@@ -96,7 +95,7 @@ def digest(content):
 
 
 def normalised(content):
-    """Return the committed form: no times, paths, execution or widget metadata; stable cell ids and counts."""
+    """Return the committed form: no times, paths, widgets or execution metadata; stable cell ids and counts."""
     cells, count = [], 0
     for number, cell in enumerate(content["cells"], start=1):
         kept = {
@@ -109,7 +108,7 @@ def normalised(content):
             ran = bool(cell.get("outputs")) or cell.get("execution_count") is not None
             count += ran
             kept["execution_count"] = count if ran else None
-            kept["outputs"] = [_output(output, count) for output in _joined(cell.get("outputs", []))]
+            kept["outputs"] = [_output(output, count) for output in _joined(cell.get("outputs", [])) if not _is_widget(output)]
         cells.append(kept)
     return {"cells": cells, "metadata": METADATA, "nbformat": 4, "nbformat_minor": 5}
 
@@ -128,10 +127,13 @@ def unpublishable(content):
                 reasons.append(f"cell {number} raised {output.get('ename')}: {output.get('evalue')}")
             if output.get("name") == "stderr":
                 reasons.append(f"cell {number} wrote to stderr: {''.join(output['text']).strip()[:300]}")
-            text = json.dumps(output)
-            if re.search(r"application/vnd\.jupyter\.widget", text):
+            if _is_widget(output):
                 reasons.append(f"cell {number} shows a widget, which nobody sees without a kernel")
     return reasons
+
+
+def _is_widget(output):
+    return any(kind.startswith("application/vnd.jupyter.widget") for kind in output.get("data", ()))
 
 
 def _joined(outputs):

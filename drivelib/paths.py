@@ -6,10 +6,14 @@
 import os
 from pathlib import Path
 
+_HERE = Path(__file__).resolve().parent.parent
+
+READ = "DRIVELIB_READ"  # set by the runner where a notebook is to read results that are not published
+
 
 def root():
     """Return the folder that holds notebooks/, figures/ and the ledgers."""
-    return Path(os.environ.get("DRIVELIB_ROOT") or Path(__file__).resolve().parent.parent)
+    return Path(os.environ.get("DRIVELIB_ROOT") or _HERE)
 
 
 def ledgers():
@@ -25,6 +29,11 @@ def notebook(item):
 def figure(item, suffix):
     """Return the published path of one artefact: ``suffix`` is png, svg, csv or json."""
     return root() / "figures" / f"{item}.{suffix}"
+
+
+def results():
+    """Return the folder below which a notebook reads the results of other items: the published ones, or a check's."""
+    return Path(os.environ.get(READ) or root() / "figures")
 
 
 def build(*parts):

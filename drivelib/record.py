@@ -14,9 +14,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
-from IPython.display import Image, Markdown, display
 
 from drivelib import environment, ledger, notebook, paths
 from drivelib.validation import nearest
@@ -25,7 +23,6 @@ SCHEMA = 1
 DIGITS = 9  # what survives a change of processor and compiler with margin; more would be noise
 PUBLISH = "DRIVELIB_PUBLISH"
 OUT = "DRIVELIB_OUT"
-READ = "DRIVELIB_READ"  # where the numbers of other items are read
 SUFFIXES = ("png", "svg", "csv")
 UNPUBLISHED = "not the published conditions"
 
@@ -77,14 +74,14 @@ class Record:
         pins = environment.missing_pins()
         if pins:
             say = "Not pinned, so the last digits may differ from the published ones: " + ", ".join(pins)
-            display(Markdown(f"> {say}. `make lab` sets them."))
+            _say(f"> {say}. `make lab` sets them.")
 
     def machine(self, machine):
         """Note a machine set and show its values with unit and origin."""
         self.machines.append(machine.name)
         rows = ["| value | | unit | origin | note |", "|---|---:|---|---|---|"]
         rows += [f"| {name} | {value:.6g} | {unit} | {kind} | {note} |" for name, value, unit, kind, note in machine.rows()]
-        display(Markdown(f"**{machine.name}**\n\n" + "\n".join(rows)))
+        _say(f"**{machine.name}**\n\n" + "\n".join(rows))
 
     def number(self, name, value, unit, meaning):
         """Note a number that the reading or the README speaks of."""
@@ -101,6 +98,9 @@ class Record:
         columns : sequence of Column
             Every plotted array; lengths may differ.
         """
+        import matplotlib.pyplot as plt
+        from IPython.display import Image, display
+
         if not columns or not alt.strip():
             raise ValueError(f"{self.item}: a figure needs its description (alt) and the plotted arrays (columns)")
         self.alt = " ".join(alt.split())
@@ -112,7 +112,7 @@ class Record:
         self._write("svg", svg.getvalue())
         self._write("csv", _csv(columns).encode())
         display(Image(data=png.getvalue(), format="png", alt=self.alt))
-        display(Markdown(f"*In words:* {self.alt}"))
+        _say(f"*In words:* {self.alt}")
 
     def compare(self, claim_id, ours=None, **evidence):
         """Judge one claim; see `drivelib.ledger.judge` for the evidence it takes.
@@ -141,11 +141,11 @@ class Record:
         ]
         if any(judgement.claim.relation not in (None, "matches") for judgement in self.judgements.values()):
             notes.append("- A verdict that rests on a threshold would flip if the threshold passed our number.")
-        display(Markdown("\n".join(rows) + "\n\n" + "\n".join(notes)))
+        _say("\n".join(rows) + "\n\n" + "\n".join(notes))
 
     def reading(self, text):
         """Show the reading: what agrees, what does not, and why. Numbers come in as an f-string."""
-        display(Markdown(inspect.cleandoc(text)))
+        _say(inspect.cleandoc(text))
 
     def finish(self):
         """Write the JSON, last and atomically.
@@ -176,7 +176,7 @@ class Record:
         path = write_atomically(self.folder / f"{self.stem}.json", text.encode())
         if not self.published:
             shown = path.relative_to(paths.root()) if path.is_relative_to(paths.root()) else path
-            display(Markdown(f"Written to `{shown.parent.as_posix()}` ({UNPUBLISHED})."))
+            _say(f"Written to `{shown.parent.as_posix()}` ({UNPUBLISHED}).")
 
     def _write(self, suffix, content):
         write_atomically(self.folder / f"{self.stem}.{suffix}", content)
@@ -209,9 +209,11 @@ class Record:
         }
 
 
-def results_folder():
-    """Return the folder below which the results of other items lie: the published ones, or those of a check."""
-    return Path(os.environ.get(READ) or paths.root() / "figures")
+def _say(text):
+    """Show Markdown. Imported here, as matplotlib is above: the command line, which shows nothing, starts faster."""
+    from IPython.display import Markdown, display
+
+    display(Markdown(text))
 
 
 def describe(claim):

@@ -219,12 +219,16 @@ def all_rows(scenario, omega_n, xi, J, T_load, steps, T_PI, T_FLC, T_ANN, K_e, K
 def rings(scenario, stiffness):
     """Return whether a proportional speed controller of this stiffness (N m s/rad) keeps oscillating after a load step.
 
-    A tenth of the torque limit as load, half a second; ringing means that the error still swings by more than 1 %
-    of its mean over the last fifth.
+    A tenth of the torque limit as load, half a second.
     """
     run = under_load(scenario, Load(0.1 * scenario.T_limit, horizon=0.5), PiSpeed(stiffness, 0.0), every=1)
-    error = (run["omega_ref"] - run["omega_m"])[int(0.8 * run.t.size) :]
-    return bool(np.ptp(error) > 0.01 * abs(error.mean()))
+    return swings(run["omega_ref"] - run["omega_m"])
+
+
+def swings(error):
+    """Return whether a record of the error (rad/s) swings by more than 1 % of its mean over the last fifth."""
+    last = error[int(0.8 * error.size) :]
+    return bool(np.ptp(last) > 0.01 * abs(last.mean()))
 
 
 def largest_stable_stiffness(scenario, *, low=None, high=None):

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from drivelib.levenberg import STOPS, TOOLBOX, Batch, Descent, Schedule
+from drivelib.levenberg import MARQUARDT, STOPS, Batch, Descent, Schedule
 from drivelib.neural import ACTIVATIONS, Network, Range, nguyen_widrow
 from drivelib.validation import choice, number
 
@@ -86,7 +86,7 @@ class TrainingResult:
 
 
 def train(
-    x, t, n_hidden, *, activation="tanh", starts=256, seed=0, schedule=TOOLBOX, goal=0.0, split=None, device="cpu"
+    x, t, n_hidden, *, activation="tanh", starts=256, seed=0, schedule=MARQUARDT, goal=0.0, split=None, device="cpu"
 ):
     """Train networks n_in - n_hidden - n_out by Levenberg-Marquardt from random starts.
 
@@ -103,7 +103,8 @@ def train(
     seed : int
         Seed of starts and split.
     schedule : Schedule
-        ``TOOLBOX``, ``TOOLBOX_2002``, ``MARQUARDT`` or one's own.
+        ``MARQUARDT``, which finds the best minimum oftener, ``TOOLBOX`` or ``TOOLBOX_2002``, which the papers will
+        have used, or one's own.
     goal : float
         Sum of squared errors at which a start is done, targets mapped to [-1, 1]; 0 sets none. An MSE goal
         is this over n_samples n_out.
@@ -111,7 +112,7 @@ def train(
         Shares of training, validation and test samples, drawn at random without replacement, validation and
         test rounded to whole samples, the same for all starts. Without it every sample trains.
     device : str
-        Where torch computes.
+        Where torch computes: "cpu", or with a build of torch for GPUs "cuda" or "cuda:0" and so on.
 
     Returns
     -------
@@ -137,7 +138,7 @@ def train(
     goal = number("goal", goal, at_least=0)
     choice("activation", activation, tuple(ACTIVATIONS))
     if not isinstance(schedule, Schedule):
-        raise ValueError(f"schedule = {schedule!r}: must be a Schedule, such as TOOLBOX")
+        raise ValueError(f"schedule = {schedule!r}: must be a Schedule, such as MARQUARDT")
     _check_device(device)
     inputs, targets = Range.of("x", x), Range.of("t", t)
     root = np.random.SeedSequence(seed)
@@ -206,10 +207,8 @@ def _split(n, shares, rng):
 
 
 def _check_device(device):
-    try:
-        torch.empty(0, device=device)
-    except (RuntimeError, AssertionError) as error:
-        raise ValueError(f"device = {device!r}: torch has no such device here; 'cpu' is always there") from error
+    gpus = [f"cuda:{k}" for k in range(torch.cuda.device_count())]
+    choice("device", str(device), ["cpu", "cuda", *gpus] if gpus else ["cpu"])
 
 
 def _row(W1, B1, W2, B2):

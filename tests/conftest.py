@@ -11,7 +11,7 @@ import psutil
 import pytest
 
 from drivelib import environment, notebook
-from drivelib.pack import worker
+from drivelib.pack import tokens
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 
@@ -109,13 +109,17 @@ class Mini:
         """Call ``python -m drivelib`` on this pack; return the finished process."""
         return subprocess.run(self.command(*arguments), **{"env": self.environment(), "capture_output": True, "text": True, "timeout": 120, **options})
 
-    def survivors(self):
-        """Return the processes that a run of this pack has left behind; other packs may be at work meanwhile."""
+    def survivors(self, spare_forked_from=True):
+        """Return the processes that a run of this pack has left behind; other packs may be at work meanwhile.
+
+        The process that kernels are forked from runs no notebook, and ends a moment after its runner.
+        """
         left = []
         for process in psutil.process_iter():
             try:
                 environment_ = process.environ()
-                mine = worker.TOKEN in environment_ and environment_.get("DRIVELIB_ROOT") == str(self.root)
+                spared = (None, tokens.NO_RUN) if spare_forked_from else (None,)
+                mine = environment_.get(tokens.TOKEN) not in spared and environment_.get("DRIVELIB_ROOT") == str(self.root)
                 if mine and process.status() != psutil.STATUS_ZOMBIE:
                     left.append(process)
             except psutil.Error:

@@ -37,14 +37,29 @@ int main(int argc, char **argv)
 }}
 """
 
+DFIM_MAIN = """
+#include <stdio.h>
+#include "{p}.h"
+int main(void)
+{{
+    float x[3], out[4];
+    while (fread(x, sizeof x[0], 3, stdin) == 3) {{
+        {p}_currents(x[0], x[1], x[2], &out[0], &out[1], &out[2]);
+        out[3] = {p}_stator_frequency(100.0f * x[1], x[0]);
+        if (fwrite(out, sizeof out[0], 4, stdout) != 4) return 1;
+    }}
+    return 0;
+}}
+"""
+
 
 class Exported:
     """A compiled header; ``checked`` stops at undefined behaviour."""
 
-    def __init__(self, folder, prefix, header, *, checked=True):
+    def __init__(self, folder, prefix, header, *, checked=True, main=MAIN):
         (folder / f"{prefix}.h").write_text(header)
         source, self.program = folder / f"{prefix}.c", folder / (prefix + ("_checked" if checked else ""))
-        source.write_text(MAIN.format(p=prefix))
+        source.write_text(main.format(p=prefix))
         command = [COMPILER, *FLAGS, *(CHECKED if checked else []), str(source), "-o", str(self.program), "-lm"]
         done = subprocess.run(command, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
@@ -59,6 +74,10 @@ class Exported:
     def q15(self, q):
         """Return the Q15 network's outputs at int16 inputs of shape (n, 2)."""
         return np.frombuffer(self._run(np.asarray(q, np.int16).tobytes(), "q15"), np.int16).reshape(-1, 2)
+
+    def references(self, x):
+        """Return (i_sd, i_sq, i_rq, ω_s) of a DFIM at torque, flux and rotor d current, shape (n, 4)."""
+        return np.frombuffer(self._run(np.asarray(x, np.float32).tobytes()), np.float32).reshape(-1, 4).astype(float)
 
     def floats(self, x):
         """Return {"network", "flag", "optimum", "limit"} at inputs of shape (n, 2)."""

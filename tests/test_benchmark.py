@@ -1,5 +1,6 @@
 """What the benchmark compares computes the same thing, and its verdicts follow from its numbers."""
 
+import os
 import re
 import subprocess
 import sys
@@ -15,6 +16,7 @@ from drivelib.dfim_scenario import DEFAULT_SCENARIO
 
 FOLDER = Path(__file__).parent / "benchmarks"
 sys.path.insert(0, str(FOLDER))
+import bench  # noqa: E402
 import c_loop  # noqa: E402
 import measure  # noqa: E402
 import parts  # noqa: E402
@@ -82,6 +84,13 @@ def test_verdicts_follow_from_the_numbers():
     assert measure.Row("a", "b", limit=3, note="peer not installed").cells()[-1] == "peer not installed"
 
 
+def test_ten_thousand_drives_on_a_cluster_give_the_bytes_of_the_local_run():
+    """Scheduler and workers in processes of their own, one worker killed, the run stopped half way and resumed."""
+    command = [sys.executable, FOLDER / "on_cluster.py", "--drives", "10000"]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment.pinned(PYTHONPATH=os.pathsep.join(sys.path)), timeout=600)
+    assert done.returncode == 0 and done.stdout.rstrip().endswith("equal bytes"), done.stdout + done.stderr
+
+
 def test_too_few_repetitions_are_refused():
     done = subprocess.run([sys.executable, "-m", "drivelib", "bench", "--repetitions", "2"], capture_output=True, text=True, env=environment.pinned())
     assert done.returncode == 2 and "must be at least 5" in done.stderr
@@ -91,7 +100,7 @@ def test_peers_that_are_missing_say_so():
     code = f"import sys; sys.path.insert(0, {str(FOLDER)!r}); sys.argv = ['peers', '[]', '1']; import peers; peers.main()"
     done = subprocess.run([sys.executable, "-S", "-I", "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert len(re.findall("peer not installed", done.stdout)) == 5
+    assert len(re.findall("peer not installed", done.stdout)) == len(bench.PEERS)
 
 
 def test_the_benchmark_names_no_place():

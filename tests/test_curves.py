@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivelib.curves import interior_minima, last_below
+from drivelib.curves import interior_minima, last_below, least_between
 
 
 @pytest.mark.parametrize(
@@ -88,3 +88,14 @@ def test_a_range_must_have_its_ends_in_order():
         last_below(lambda x: x, 1.0, 0.0, np.inf)
     with pytest.raises(ValueError, match="steps = 0: must be a finite whole number at least 1"):
         last_below(lambda x: x, 1.0, 0.0, 2.0, steps=0)
+
+
+def test_the_least_of_a_convex_function_is_found_inside_and_at_the_ends():
+    centre = np.array([-3.0, 0.25, 0.7, 9.0])
+    x = least_between(lambda x: (x - centre) ** 4 + abs(x - centre), np.zeros(4), 1.0)
+    np.testing.assert_allclose(x, [0.0, 0.25, 0.7, 1.0], atol=1e-9)
+    assert least_between(lambda x: x, 2.0, 2.0) == 2.0
+    with pytest.raises(ValueError, match="low = 2 lies above high = 1"):
+        least_between(lambda x: x, 2.0, 1.0)
+    with pytest.raises(ValueError, match="low = nan"):
+        least_between(lambda x: x, np.nan, 1.0)

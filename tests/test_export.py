@@ -1,27 +1,45 @@
 """The exported files: compiled, run, and held against the Python they come from; every bound follows from the number format."""
 
 import csv
+import functools
 import itertools
 
 import numpy as np
 import pytest
 
-from drivelib import export, fixed_point, loss_map, pmsm, pmsm_optimum
+from drivelib import dfim_map, dfim_optimum, export, fixed_point, loss_map, pmsm, pmsm_optimum
+from drivelib.dfim_machines import DFIM_4KW
 from drivelib.machines import IPMSM, IPMSM_2200W, SPMSM
 from drivelib.neural import Network, Range
-from exported_c import Exported, needs_gcc
+from exported_c import DFIM_MAIN, Exported, needs_gcc
 
 UNIT = 2.0**-24  # relative rounding error of single precision
 CURRENT = {IPMSM: 6.0, SPMSM: 8.0, IPMSM_2200W: 9.12}
 
 
-@pytest.fixture(scope="module", params=list(CURRENT), ids=lambda machine: machine.name)
-def motor(request):
-    """A map and its trained network."""
-    machine = request.param
+TIGHT = dfim_optimum.DfimLimits(phi_r=0.85, V_s=170.0, V_r=150.0, I_s=14.0, I_r=14.0)
+
+
+@functools.cache
+def made(machine):
+    """Return a map and its trained network."""
     speed, torque = np.linspace(0.1, 1.5, 15) * machine.omega_m_rated, np.linspace(0.1, 1, 10) * machine.T_rated
+    if machine is DFIM_4KW:
+        found = dfim_map.dfim_map(machine, speed, torque, TIGHT)
+        return found, loss_map.trained(loss_map.training_data(found), hidden=12, rms_percent=1.5)
     found = loss_map.loss_map(machine, speed, torque, V_max=pmsm.voltage_limit(machine), I_max=CURRENT[machine])
     return found, loss_map.trained(loss_map.training_data(found), hidden=16, rms_percent=0.3)
+
+
+@pytest.fixture(params=[*CURRENT, DFIM_4KW], ids=lambda machine: machine.name)
+def motor(request):
+    """A map and its trained network, of every kind of motor."""
+    return made(request.param)
+
+
+@pytest.fixture(params=list(CURRENT), ids=lambda machine: machine.name)
+def pmsm_motor(request):
+    return made(request.param)
 
 
 def compiled(tmp_path, motor, **options):
@@ -81,15 +99,15 @@ def test_compiled_float_network_errs_within_the_bound_of_single_precision(motor,
 
 
 @needs_gcc
-def test_compiled_formula_makes_the_torque_at_the_least_loss_inside_the_limits(motor, tmp_path):
+def test_compiled_formula_makes_the_torque_at_the_least_loss_inside_the_limits(pmsm_motor, tmp_path):
     """Judged by the physics, not by the currents alone, which near a flat optimum may differ by sqrt(eps).
 
     64 roundings of single precision are allowed; points within 1e-4 of a limit of reach may fall on either side.
     """
-    found, network = motor
+    found, network = pmsm_motor
     machine, allowed = found.machine, 64 * UNIT
     x = points(network, 4_000, beyond=0.0)
-    out = compiled(tmp_path, motor).floats(x)
+    out = compiled(tmp_path, pmsm_motor).floats(x)
     omega_e, T_e = machine.P * x[:, 0], x[:, 1]
     best, tighter, wider = (
         pmsm_optimum.optimum(machine, omega_e, T_e, V_max=found.V_max * scale, I_max=found.I_max * scale) for scale in (1, 1 - 1e-4, 1 + 1e-4)
@@ -123,7 +141,56 @@ def test_compiled_torque_limit_is_reachable_and_close(motor, tmp_path):
     steepest = np.max(np.abs(np.diff(wanted))) / (nodes[1] - nodes[0])
     place = 4 * UNIT * nodes[-1] * steepest  # the speed in single precision
     assert np.allclose(limit, wanted, rtol=8 * UNIT, atol=64 * place + 1e-6)
-    assert np.all(pmsm_optimum.optimum(found.machine, found.machine.P * nodes, limit, V_max=found.V_max, I_max=found.I_max).feasible | (limit == 0))
+    assert np.all(found.optimum(nodes, limit).feasible | (limit == 0))
+
+
+@needs_gcc
+@pytest.mark.parametrize("checked", [True, False], ids=["sanitizer", "plain"])
+def test_compiled_dfim_formula_is_the_optimum_where_no_inverter_limit_acts(tmp_path, checked):
+    """Flags as the Python optimum has them, but within 1e-4 of a limit; references to 64 roundings; both torque and flux kept."""
+    found, network = motor = made(DFIM_4KW)
+    x = points(network, 4_000, beyond=0.0)
+    exported = compiled(tmp_path, motor, checked=checked)
+    out = exported.floats(x)
+    best = found.optimum(*x.T)
+    beyond = best.limited | ~best.feasible
+    free = dfim_optimum.point(found.machine, *x.T, *references(found, x[:, 1]), dfim_optimum.stator_frequency(found.machine, *x.T, found.limits))
+    flux_alone = dfim_optimum.free_flux(found.machine, x[:, 1])
+    clear = np.min([abs(used - 1) for used in usage(free, found.limits)] + [abs(flux_alone / found.limits.phi_r - 1)], axis=0) > 1e-4
+    assert 0.05 < np.mean(beyond) < 0.95 and np.mean(clear) > 0.95
+    assert np.array_equal((out["flag"] == 2)[clear], beyond[clear])
+    assert np.array_equal((out["flag"] == 1)[clear], (best.capped & ~beyond)[clear])
+    assert np.all(out["optimum"][out["flag"] == 2] == -1)
+    kept = clear & ~beyond
+    wanted = np.column_stack([best.phi_r, best.i_rd])[kept]
+    assert np.all(np.abs(out["optimum"][kept] / wanted - 1) <= 64 * UNIT)
+
+
+@needs_gcc
+def test_compiled_dfim_currents_make_torque_and_flux(tmp_path):
+    """From the flux equations and the torque of two vectors, with braking torque too; and the stator frequency at 100 times the flux as speed."""
+    found, network = made(DFIM_4KW)
+    m, rng = found.machine, np.random.default_rng(5)
+    x = np.column_stack([rng.uniform(-25, 25, 2000), rng.uniform(0.1, 1, 2000), rng.uniform(-3, 8, 2000)]).astype(np.float32).astype(float)
+    out = Exported(tmp_path, export.c_name(m.name), export.c_header(found, network), main=DFIM_MAIN).references(x)
+    i_s, i_r = out[:, 0] + 1j * out[:, 1], x[:, 2] + 1j * out[:, 2]
+    phi_r = m.L_r * i_r + m.M * i_s
+    omega_s = dfim_optimum.stator_frequency(m, 100 * x[:, 1], x[:, 0], found.limits)
+    assert np.all(abs(out[:, 3] / omega_s - 1) <= 64 * UNIT)
+    size = m.L_r * abs(i_r) + m.M * abs(i_s)
+    assert np.all(abs(phi_r - x[:, 1]) <= 64 * UNIT * size)
+    torque = 1.5 * m.p * m.M * (np.conj(i_r) * i_s).imag
+    assert np.all(abs(torque - x[:, 0]) <= 64 * UNIT * 1.5 * m.p * m.M * abs(i_r) * abs(i_s))
+
+
+def references(found, torque):
+    """Return what the formula gives before any inverter limit."""
+    phi_r = np.minimum(dfim_optimum.free_flux(found.machine, torque), found.limits.phi_r)
+    return phi_r, dfim_optimum.free_i_rd(found.machine, phi_r)
+
+
+def usage(point, limits):
+    return point.V_s / limits.V_s, point.V_r / limits.V_r, np.hypot(point.i_sd, point.i_sq) / limits.I_s, np.hypot(point.i_rd, point.i_rq) / limits.I_r
 
 
 def harsh(seed):
@@ -184,17 +251,21 @@ def test_the_float_emulation_errs_within_the_bound(motor):
 
 def test_the_table_holds_the_map_with_flags(motor):
     found, _ = motor
+    m = found.machine
     lines = [line for line in export.table_csv(found).splitlines() if not line.startswith("#")]
     table = list(csv.DictReader(lines))
     assert len(table) == found.omega_m.size * found.T_e.size
-    flags = np.array([int(row["flag"]) for row in table]).reshape(found.best.i_d.shape)
+    flags = np.array([int(row["flag"]) for row in table]).reshape(found.best.feasible.shape)
     assert np.array_equal(flags == 2, ~found.best.feasible) and np.array_equal(flags == 1, found.best.limited)
     for row in table:
         if row["flag"] == "2":
-            assert row["i_d"] == row["i_q"] == row["loss"] == ""
+            assert {row[name] for name in row if name not in ("omega_m", "T_e", "flag")} == {""}
             continue
-        i_od, i_oq = pmsm.branch_currents(found.machine, found.machine.P * float(row["omega_m"]), float(row["i_d"]), float(row["i_q"]))
-        assert abs(pmsm.torque(found.machine, i_od, i_oq) / float(row["T_e"]) - 1) < 1e-5  # seven digits are written
+        if m is DFIM_4KW:
+            torque = 1.5 * m.p * m.M * (float(row["i_sq"]) * float(row["i_rd"]) - float(row["i_sd"]) * float(row["i_rq"]))
+        else:
+            torque = pmsm.torque(m, *pmsm.branch_currents(m, m.P * float(row["omega_m"]), float(row["i_d"]), float(row["i_q"])))
+        assert abs(torque / float(row["T_e"]) - 1) < 1e-5  # seven digits are written
 
 
 def test_onnx_gives_the_same_currents(motor):

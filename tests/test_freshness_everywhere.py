@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -66,7 +67,7 @@ def test_the_closure_holds_every_module_that_python_really_imports():
     done = subprocess.run([sys.executable, "-c", IMPORTS], input=json.dumps(sources), capture_output=True, text=True, check=True)
     for id_, files in json.loads(done.stdout).items():
         imported = {name.removeprefix(f"{freshness.PACKAGE}/") for name in files}
-        assert len(imported) > 3
+        assert len(imported) > 3 or id_ == ledger.INDEX
         assert imported <= set(freshness.closure([sources[id_]])), id_
 
 
@@ -80,7 +81,7 @@ def test_each_source_file(recorded, monkeypatch, module):
     if module.startswith("pack/"):
         assert not wanted
     if module in ("record.py", "ledger.py", "__init__.py"):
-        assert wanted == set(ITEMS)
+        assert wanted >= set(ITEMS) - {ledger.INDEX}
 
 
 def test_a_change_of_the_machine_sets_reaches_the_drives_and_spares_what_has_no_machine(recorded, monkeypatch):
@@ -112,7 +113,8 @@ def test_each_parameter_cell_and_each_text(recorded, monkeypatch, item):
     def changed(path):
         content = real(path)
         if path == paths.notebook(item):
-            cell = next(cell for cell in content["cells"] if "parameters" in cell["metadata"].get("tags", ()))
+            code = [cell for cell in content["cells"] if cell["cell_type"] == "code"]
+            cell = next((cell for cell in code if "parameters" in cell["metadata"].get("tags", ())), code[0])
             cell["source"] = notebook.source(cell) + "\nanother = 1"
         return content
 
@@ -131,7 +133,7 @@ def test_each_published_file(recorded, monkeypatch, item):
     """A changed figure makes its own item stale; changed numbers also whoever reads them."""
     readers = {id_ for id_, other in ITEMS.items() if item in other.needs}
     digest = freshness.file_digest
-    for path in freshness.artefacts(item):
+    for path in filter(Path.exists, freshness.artefacts(item)):
         monkeypatch.setattr(freshness, "file_digest", lambda one, path=path: "changed" if one == path else digest(one))
         found = stale()
         assert set(found) == ({item} | readers if path.suffix == ".json" else {item})

@@ -59,6 +59,7 @@ def test_errors_stderr_and_widgets_are_unpublishable():
     stderr = {"output_type": "stream", "name": "stderr", "text": "warning"}
     widget = {"output_type": "display_data", "data": {"application/vnd.jupyter.widget-view+json": {}}, "metadata": {}}
     reasons = notebook.unpublishable(content(code("x", outputs=[error, stderr, widget])))
+    assert notebook.normalised(content(code("x", outputs=[widget, error])))["cells"][0]["outputs"] == [error | {"data": {}}]
     assert ["raised" in reasons[0], "stderr" in reasons[1], "widget" in reasons[2]] == [True] * 3
 
 

@@ -20,26 +20,27 @@ LAYERS = (
         "Physics",
         "Machine parameters and the equations of both papers: NumPy, SI units, an equation number in every docstring.",
         (
-            "machines", "curves", "pmsm", "pmsm_angle", "pmsm_optimum", "circuits", "identification", "metrics", "dfim_machines", "dfim",
-            "dfim_decoupling", "dfim_response", "pmsm_dynamics", "transients", "decimation", "table2",
-            "table2_sets", "identifiability", "misprints",
+            "machines", "curves", "pmsm", "pmsm_angle", "pmsm_optimum", "circuits", "identification", "metrics", "dfim_machines",
+            "dfim", "dfim_decoupling", "dfim_response", "pmsm_dynamics", "transients", "decimation", "table2", "table2_sets",
+            "identifiability", "misprints", "dfim_optimum",
         ),
     ),
     Layer(
         "Control",
         "PI controllers by pole placement, the Mamdani controller in closed form, networks and their training.",
         (
-            "control", "fuzzy", "fuzzy_facts", "fuzzy_reference", "fuzzy_sets", "neural", "levenberg", "training", "networks", "speed_law",
-            "pmsm_law", "loss_map", "fixed_point", "export_c",
+            "control", "fuzzy", "fuzzy_facts", "fuzzy_reference", "fuzzy_sets", "neural", "levenberg", "training", "networks",
+            "speed_law", "pmsm_law", "loss_map", "fixed_point", "export_c", "dfim_map", "export_c_dfim", "levenberg_one",
         ),
     ),
     Layer(
         "Time",
         "Compiled drive loops with averaged or switching inverters, one or many.",
         (
-            "dfim_plant", "pwm", "dfim_control", "dfim_loop", "dfim_lanes", "dfim_many", "ensemble", "shards", "space", "dfim_scenario",
-            "dfim_drive", "pmsm_plant", "pmsm_scenario", "pmsm_loop", "pmsm_drive", "ann_data", "contest", "table2_fit",
-            "misprints_drive",
+            "dfim_plant", "pwm", "dfim_control", "dfim_loop", "dfim_lanes", "dfim_many", "ensemble", "shards", "space",
+            "dfim_scenario", "dfim_drive", "pmsm_plant", "pmsm_scenario", "pmsm_loop", "pmsm_drive", "ann_data", "contest",
+            "table2_fit", "misprints_drive", "robustness", "robustness_steady", "robustness_ipmsm", "robustness_spmsm",
+            "robustness_dfim", "robustness_ann", "robustness_contest", "robustness_scope",
         ),
     ),
     Layer(
@@ -51,17 +52,18 @@ LAYERS = (
         "Face",
         "What a notebook calls: figures, diagrams, its record, exports.",
         (
-            "environment", "bootstrap", "notebook", "plotting", "diagrams", "network_diagram", "schemes", "schemes_zidani", "orientation",
-            "claim_map", "record", "export",
+            "environment", "bootstrap", "notebook", "plotting", "diagrams", "network_diagram", "schemes", "schemes_zidani",
+            "orientation", "claim_map", "record", "export", "interactive", "pmsm_panels", "dfim_panels",
         ),
     ),
     Layer(
         "Pack",
         "Runs the notebooks, checks, compares and reports; the command line and this site.",
         (
-            "pack/__init__", "pack/architecture", "pack/freshness", "pack/worker", "pack/runner", "pack/check", "pack/report", "pack/readme",
-            "pack/difference", "pack/commands", "pack/layers", "pack/publishing", "pack/review", "pack/verify", "pack/cells",
-            "pack/processors", "pack/site", "pack/site_notebooks", "pack/site_pages", "pack/site_sphinx", "pack/site_text", "__main__",
+            "pack/__init__", "pack/architecture", "pack/freshness", "pack/worker", "pack/runner", "pack/check", "pack/report",
+            "pack/readme", "pack/difference", "pack/commands", "pack/layers", "pack/publishing", "pack/review", "pack/verify",
+            "pack/cells", "pack/processors", "pack/site", "pack/site_notebooks", "pack/site_pages", "pack/site_sphinx",
+            "pack/site_text", "__main__", "pack/tokens", "pack/preloaded", "pack/kernels", "pack/engine", "pack/attempt",
         ),
     ),
 )  # fmt: skip

@@ -45,43 +45,55 @@ def reproduce(options):
 
 
 def _publish(console, chosen, options):
-    reasons = {id_: freshness.why_stale(item) for id_, item in chosen.items()}
-    stale = {id_: item for id_, item in chosen.items() if options.force or reasons[id_]}
-    provenance = environment.provenance() | {"revision": _revision()} if stale else {}
     publishing.clear_leftovers()
     stage = Path(tempfile.mkdtemp(prefix="stage-", dir=paths.build()))
-    failures = []
+    ran, failures = {}, []
     try:
-        run_parts = {id_: freshness.parts(item) for id_, item in stale.items()}
-        for outcome in _watched(console, stale, options.jobs, stage, seed=options.seed):
-            if outcome.failure is None:
-                # What it read may have been published since this run began.
-                now = freshness.parts(stale[outcome.item]) if stale[outcome.item].needs else run_parts[outcome.item]
-                changes = layers.claims(layers.files(paths.root(), outcome.item), layers.files(stage, outcome.item), outcome.item)
-                try:
-                    publishing.publish(outcome, stale[outcome.item], now, provenance)
-                except OSError as error:
-                    outcome.failure = f"could not be published: {error}"
-                    console.print(f"failed {outcome.item}: {outcome.failure}", markup=False, highlight=False, soft_wrap=True)
-                else:
-                    for change in changes:
-                        console.print(f"  changed: {change.what}", markup=False, highlight=False, soft_wrap=True)
-            if outcome.failure:
-                failures.append(outcome)
+        while stale := _stale(chosen, ran, options.force):  # what one item publishes may make another stale
+            ran |= stale
+            failures += _run_and_publish(console, stale, options, stage)
     finally:
         shutil.rmtree(stage, ignore_errors=True)
     orphans = check.orphans(runner.items())
     found = report.results()
     if not failures and not options.items:
         readme.update(found)
-    return _verdicts(console, found, failures, orphans, f"{len(stale)} of {len(chosen)} notebooks run")
+    return _verdicts(console, found, failures, orphans, f"{len(ran)} of {len(chosen)} notebooks run")
+
+
+def _stale(chosen, ran, force):
+    seen = {}
+    return {id_: item for id_, item in chosen.items() if id_ not in ran and (force or freshness.why_stale(item, seen))}
+
+
+def _run_and_publish(console, stale, options, stage):
+    """Run items and publish each as it ends; return the failed ones."""
+    failures = []
+    provenance = environment.provenance() | {"revision": _revision()}
+    run_parts = {id_: freshness.parts(item) for id_, item in stale.items()}
+    for outcome in _watched(console, stale, options, stage, seed=options.seed):
+        if outcome.failure is None:
+            # What it read may have been published since this run began.
+            now = freshness.parts(stale[outcome.item]) if stale[outcome.item].needs else run_parts[outcome.item]
+            changes = layers.claims(layers.files(paths.root(), outcome.item), layers.files(stage, outcome.item), outcome.item)
+            try:
+                publishing.publish(outcome, stale[outcome.item], now, provenance)
+            except OSError as error:
+                outcome.failure = f"could not be published: {error}"
+                console.print(f"failed {outcome.item}: {outcome.failure}", markup=False, highlight=False, soft_wrap=True)
+            else:
+                for change in changes:
+                    console.print(f"  changed: {change.what}", markup=False, highlight=False, soft_wrap=True)
+        if outcome.failure:
+            failures.append(outcome)
+    return failures
 
 
 def _check(console, chosen, options):
     stage = Path(tempfile.mkdtemp(prefix="drivelib-check-"))
     seed = random.SystemRandom().randrange(10**6) if options.seed is None else options.seed
     try:
-        failures = [outcome for outcome in _watched(console, chosen, options.jobs, stage, check=True, seed=seed) if outcome.failure]
+        failures = [outcome for outcome in _watched(console, chosen, options, stage, check=True, seed=seed) if outcome.failure]
         differences = check.differences(stage, chosen) + [f"{name}: belongs to no notebook" for name in check.orphans(runner.items())]
         found = report.results(stage / "figures")
         text = (paths.root() / "README.md").read_text(encoding="utf-8")
@@ -122,8 +134,9 @@ def run(options):
 def status(options):
     """Print what is stale and why."""
     console = Console()
+    seen = {}
     for id_, item in runner.items().items():
-        reasons = freshness.why_stale(item)
+        reasons = freshness.why_stale(item, seen)
         console.print(f"{id_}: " + (f"[yellow]stale[/]: {'; '.join(reasons)}" if reasons else "[green]fresh[/]"), highlight=False, soft_wrap=True)
     return 0
 
@@ -165,8 +178,8 @@ def clean_notebooks(options):
     return 0
 
 
-def _watched(console, chosen, jobs, stage, check=False, seed=None):
-    """Run items with one live display; yield each `runner.Outcome`."""
+def _watched(console, chosen, options, stage, check=False, seed=None):
+    """Run items with one live display; yield each `attempt.Outcome`."""
     if not chosen:
         return
     expected = {id_: freshness.record(id_).get("seconds", 5.0) for id_ in chosen}
@@ -179,14 +192,14 @@ def _watched(console, chosen, jobs, stage, check=False, seed=None):
         def show():
             ahead = sum(expected[id_] for id_ in chosen if id_ not in {outcome.item for outcome in outcomes})
             done = sum(expected[outcome.item] for outcome in outcomes)
-            pace = (time.monotonic() - began) / done if done else 1 / jobs
+            pace = (time.monotonic() - began) / done if done else 1 / options.jobs
             progress.update(task, completed=len(outcomes), description=", ".join(busy) or "done", left=f"{ahead * pace:.0f} s left")
 
         def start(_, id_):
             busy.append(id_)
             show()
 
-        for outcome in runner.run(chosen, jobs=jobs, stage=stage, mirror=check, seed=seed, report=start):
+        for outcome in runner.run(chosen, jobs=options.jobs, stage=stage, mirror=check, seed=seed, fork=not options.plain, report=start):
             outcomes.append(outcome)
             if outcome.item in busy:
                 busy.remove(outcome.item)

@@ -19,20 +19,26 @@ ARTEFACTS = ("png", "svg", "csv", "json")
 
 def parts(item):
     """Return ``{part: digest}`` of all that decides an item's results, down to single source files."""
+    return _parts(item, None, {})
+
+
+def _parts(item, modules, seen):
+    """Return the parts with the digests of ``modules``, by default of the import closure; ``seen`` keeps digests of files."""
     content = notebook.read(paths.notebook(item.id))
     claims = [asdict(claim) for claim in ledger.claims_of(item.id).values()]
     found = {"cells and parameters": notebook.digest(content), "claims": _digest(json.dumps(claims).encode())}
-    for module in closure(notebook.code(content)):
-        found[f"drivelib/{module}"] = file_digest(PACKAGE / module)
-    for needed in item.needs:
-        path = paths.figure(needed, "json")
-        found[f"numbers of {needed}"] = file_digest(path) if path.exists() else "missing"
-    found["environment.lock"] = file_digest(paths.root() / "environment.lock")
+    files = {f"drivelib/{module}": PACKAGE / module for module in (closure(notebook.code(content)) if modules is None else modules)}
+    files |= {f"numbers of {needed}": paths.figure(needed, "json") for needed in item.needs}
+    files["environment.lock"] = paths.root() / "environment.lock"
+    for part, path in files.items():
+        if path not in seen:
+            seen[path] = file_digest(path) if path.exists() else "missing"
+        found[part] = seen[path]
     return found
 
 
 def artefacts(item_id):
-    """Return the published files of an item, the JSON last."""
+    """Return the published files of an item, the JSON last; the index need not have any but its notebook."""
     return [paths.notebook(item_id), *(paths.figure(item_id, suffix) for suffix in ARTEFACTS)]
 
 
@@ -55,23 +61,32 @@ def write_record(item, run_parts, **facts):
     write_atomically(_record_path(item.id), json.dumps(content, indent=1).encode())
 
 
-def why_stale(item):
-    """Return why an item must run, as a list of reasons; empty when it is fresh."""
+def why_stale(item, seen=None):
+    """Return why an item must run, as a list of reasons; empty when it is fresh.
+
+    A dictionary handed to several calls as ``seen`` keeps the digests of files, most of which many items share.
+    """
     known = record(item.id)
     if not known:
         return ["never run here"]
-    now = parts(item)
+    # As long as neither the cells nor a module has changed, neither has what they import.
+    seen = {} if seen is None else seen
+    modules = [part.removeprefix("drivelib/") for part in known["parts"] if part.startswith("drivelib/")]
+    now = _parts(item, modules, seen)
+    if now != known["parts"]:
+        now = _parts(item, None, seen)
     reasons = [f"{part} changed" for part in now if known["parts"].get(part) not in (None, now[part])]
     reasons += [f"{part} is new" for part in now if part not in known["parts"]]
     reasons += [f"{part} is gone" for part in known["parts"] if part not in now]
     files = published(item.id)
     for path in artefacts(item.id):
         name = path.relative_to(paths.root()).as_posix()
-        if name not in files:
+        same = files.get(name) == known["artefacts"].get(name)
+        if name not in files and not same:
             reasons.append(f"{name} is missing")
-        elif files[name] != known["artefacts"].get(name) and path.suffix != ".ipynb":
+        elif not same and path.suffix != ".ipynb":
             reasons.append(f"{name} was changed")
-        elif files[name] != known["artefacts"].get(name) and not reasons:
+        elif not same and not reasons:
             reasons.append(f"the outputs of {name} were changed")
     return reasons
 
@@ -89,9 +104,13 @@ def closure(sources):
 
 @cache
 def _imported(text):
-    """Return the drivelib files that one source imports itself, as a tuple."""
+    """Return the drivelib files that one source imports itself, as a tuple; none where it is no Python."""
     found = []
-    for node in ast.walk(ast.parse(text)):
+    try:
+        tree = ast.parse(text)
+    except SyntaxError:  # a cell that fails when it runs, or one with a magic command
+        return ()
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):

@@ -13,8 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from matplotlib.testing.compare import compare_images
-from PIL import Image
 
 from drivelib import ledger
 from drivelib.pack import check, freshness
@@ -48,7 +46,7 @@ def compare(old_root, new_root, chosen):
     found = []
     for item in chosen:
         old, new = files(old_root, item), files(new_root, item)
-        if any(path.exists() for suffix, path in old.items() if suffix != "ipynb"):
+        if any(path.exists() for suffix, path in old.items() if suffix != "ipynb" or item == ledger.INDEX):
             for layer in (claims, arrays, pictures, rest):
                 found += layer(old, new, item)
     return sorted(found, key=lambda one: (LAYERS.index(one.layer), -one.size, one.item, one.what))
@@ -142,6 +140,9 @@ def picture_difference(old, new, folder):
 
     Works on copies in ``folder``; equal pixels give an RMS of 0 and no difference picture.
     """
+    from matplotlib.testing.compare import compare_images  # slow to import, and seldom needed
+    from PIL import Image
+
     try:
         sizes = [Image.open(io.BytesIO(path.read_bytes())).convert("RGB").size for path in (old, new)]
     except OSError:  # no whole picture

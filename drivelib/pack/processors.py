@@ -72,7 +72,7 @@ def run(folder, item, given, cpu, without=()):
     """
     folder.mkdir(parents=True)
     extra = {"DRIVELIB_ROOT": paths.root(), "PYTHONPATH": freshness.PACKAGE.parent, "NUMBA_CACHE_DIR": folder / "numba", record.PUBLISH: folder / "out"}
-    environment_ = environment.kernel(folder, **extra, **{record.READ: paths.root() / "figures"})
+    environment_ = environment.kernel(folder, **extra, **{paths.READ: paths.root() / "figures"})
     for pin in without:
         del environment_[pin]
     emulated = [] if cpu == NATIVE else [shutil.which(EMULATOR), "-cpu", cpu]

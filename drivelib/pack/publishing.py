@@ -22,7 +22,7 @@ def publish(outcome, item, run_parts, provenance):
     OSError
         If a file cannot be written; the published ones are then as they were.
     """
-    targets = freshness.artefacts(item.id)
+    targets = [path for path in freshness.artefacts(item.id) if path.suffix in outcome.files]
     copies = {}
     try:
         for path in targets:
@@ -34,7 +34,7 @@ def publish(outcome, item, run_parts, provenance):
     finally:
         for copy in copies.values():
             copy.unlink(missing_ok=True)
-    freshness.write_record(item, run_parts, seconds=outcome.seconds, provenance=provenance)
+    freshness.write_record(item, run_parts, seconds=outcome.seconds, cell_seconds=outcome.cell_seconds, provenance=provenance)
 
 
 def _beside(path, source):

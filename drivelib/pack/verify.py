@@ -31,10 +31,17 @@ class Permutation:
     variables: dict
     working_directory: str = "/"
     uid: int | None = None  # in a user namespace, where the system has them
+    plain: bool = False  # every kernel a new Python, none forked
 
 
 PERMUTATIONS = (
-    Permutation("one at a time, shuffled, Turkish, Kathmandu", 1, 7, {"LC_ALL": "tr_TR.UTF-8", "LANG": "tr_TR.UTF-8", "TZ": "Asia/Kathmandu", "USER": "rosa"}),
+    Permutation(
+        "one at a time, plain kernels, shuffled, Turkish, Kathmandu",
+        1,
+        7,
+        {"LC_ALL": "tr_TR.UTF-8", "LANG": "tr_TR.UTF-8", "TZ": "Asia/Kathmandu", "USER": "rosa"},
+        plain=True,
+    ),
     Permutation(
         "many at a time, shuffled otherwise, plain C, another user, Newfoundland",
         2 * (os.cpu_count() or 1),
@@ -87,6 +94,7 @@ def regenerate(permutation, source, target):
     variables = {name: value for name, value in os.environ.items() if name not in ("PYTHONHASHSEED", "LC_ALL", "LANG", "TZ")}
     variables |= {"HOME": str(home), "LOGNAME": permutation.variables["USER"], "DRIVELIB_ROOT": str(target), "PYTHONPATH": str(package)}
     command = [sys.executable, "-m", "drivelib", "reproduce", "--force", "--jobs", str(permutation.jobs), "--seed", str(permutation.seed)]
+    command += ["--plain"] if permutation.plain else []
     return subprocess.run(
         [*_as_user(permutation.uid), *command],
         env=variables | permutation.variables,

@@ -1,6 +1,6 @@
 """Rows of the parts: fuzzy evaluator, Levenberg-Marquardt, operating maps, imports."""
 
-import statistics
+import itertools
 import subprocess
 import sys
 import time
@@ -10,7 +10,8 @@ import numpy as np
 from measure import Row, in_turn, pairs
 from scipy.optimize import least_squares, minimize_scalar
 
-from drivelib import environment, fuzzy, fuzzy_reference, networks, pmsm, pmsm_optimum
+from drivelib import dfim_panels, environment, fuzzy, fuzzy_reference, networks, pmsm, pmsm_optimum, pmsm_panels
+from drivelib.dfim_scenario import DEFAULT_SCENARIO
 from drivelib.machines import IPMSM
 from drivelib.neural import Range, nguyen_widrow
 
@@ -73,50 +74,107 @@ def one_start(w, x, t, epochs):
     return epochs
 
 
+def one_start_vmap(w, x, t, epochs):
+    """The same in torch with an automatic Jacobian, ``vmap`` over the samples; return the epochs done."""
+    import torch
+
+    def output(w, row):
+        return torch.tanh(w[:4].reshape(2, 2) @ row + w[4:6]) @ w[6:8] + w[8]
+
+    slopes = torch.func.vmap(torch.func.grad(output), (None, 0))
+    values = torch.func.vmap(output, (None, 0))
+    w, x, t = (torch.as_tensor(value) for value in (w, x, t))
+    mu, e = 1e-3, values(w, x) - t
+    for epoch in range(epochs):
+        J = slopes(w, x)
+        H, g = J.T @ J, J.T @ e
+        while mu <= 1e10:
+            trial = w - torch.linalg.solve(H + mu * torch.eye(len(w), dtype=torch.float64), g)
+            e_trial = values(trial, x) - t
+            if e_trial @ e_trial < e @ e:
+                w, e, mu = trial, e_trial, mu * 0.1
+                break
+            mu *= 10
+        else:
+            return epoch
+    return epochs
+
+
 def training_rows(repetitions):
     """Return the rows of Levenberg-Marquardt: time per start and epoch, and quality from the same starts."""
     from drivelib.levenberg import MARQUARDT, TOOLBOX, Schedule
     from drivelib.training import train
 
     x, t = problem()
-    schedule = Schedule("benchmark", epochs=30)
-    children = np.random.SeedSequence(0).spawn(20)
+    schedules = [Schedule("toolbox, 30 epochs", epochs=30), MARQUARDT]
+    children = np.random.SeedSequence(0).spawn(40)
     starts = [np.concatenate([v.ravel() for v in nguyen_widrow(2, 2, 1, np.random.default_rng(child))]) for child in children]
-    epochs = [0, 0]
+    epochs = {}
 
-    def ours():
-        epochs[0] = train(x, t, 2, starts=256, seed=0, schedule=schedule).epochs.sum()
+    def ours(schedule):
+        epochs[schedule.name] = train(x, t, 2, starts=256, seed=0, schedule=schedule).epochs.sum()
 
     def scipy_():
         # An epoch of MINPACK: a successful step; it asks for the Jacobian once in each.
-        epochs[1] = sum(least_squares(residual, w, jacobian, args=(x, t), method="lm").njev for w in starts)
-
-    done = [0]
+        epochs["SciPy lm"] = sum(least_squares(residual, w, jacobian, args=(x, t), method="lm").njev for w in starts[:20])
 
     def numpy_():
-        done[0] = sum(one_start(w, x, t, 30) for w in starts[:5])
+        epochs["NumPy, one start"] = sum(one_start(w, x, t, 30) for w in starts[:5])
 
-    a, b, c = in_turn([ours, scipy_, numpy_], repetitions)
-    unit = {"unit": "ms", "scale": 1e3}
-    rows = [
-        Row("Levenberg–Marquardt, 256 starts, per start and epoch", "", pairs(a, [0.0] * len(a), epochs[0]), "value", 0.05, **unit),
-        Row("the same", "SciPy lm", pairs(a, b, epochs[0], epochs[1]), "faster", **unit),
-        Row("the same", "NumPy, one start", pairs(a, c, epochs[0], done[0]), "faster", **unit),
+    def vmap():
+        epochs["torch vmap, one start"] = sum(one_start_vmap(w, x, t, 30) for w in starts[:3])
+
+    functions = [*(lambda schedule=schedule: ours(schedule) for schedule in schedules), scipy_, numpy_, vmap]
+    times = in_turn(functions, repetitions)
+    names = [*(schedule.name for schedule in schedules), "SciPy lm", "NumPy, one start", "torch vmap, one start"]
+    each = {name: [seconds / epochs[name] for seconds in column] for name, column in zip(names, times, strict=True)}
+    unit, own = {"unit": "ms", "scale": 1e3}, each[schedules[0].name]
+    return [
+        Row("Levenberg–Marquardt, 256 starts, per start and epoch", "", pairs(own, [0.0] * len(own)), "value", 0.05, **unit),
+        *(Row("the same", name, pairs(own, each[name]), "faster", **unit) for name in names[2:]),
+        Row("the same, default schedule to its end", "", pairs(each[MARQUARDT.name], [0.0] * len(own)), "value", **unit),
+        gpu_row(x, t, schedules[0], times[0], repetitions),
+        *quality_rows(x, t, starts, [TOOLBOX, MARQUARDT]),
     ]
+
+
+def quality_rows(x, t, starts, schedules):
+    """Return how many starts reach the best minimum that anyone found, and in how many epochs: ours, and SciPy's from the same."""
+    from drivelib.training import train
+
     fits = [least_squares(residual, w, jacobian, args=(x, t), method="lm") for w in starts]
-    results = {"toolbox": train(x, t, 2, starts=20, seed=0, schedule=TOOLBOX), "Marquardt": train(x, t, 2, starts=20, seed=0, schedule=MARQUARDT)}
-    best = min([2 * fit.cost for fit in fits] + [result.sse.min() for result in results.values()])
+    found = {"SciPy lm": (np.array([2 * fit.cost for fit in fits]), np.array([fit.njev for fit in fits]))}
+    for schedule in schedules:
+        result = train(x, t, 2, starts=len(starts), seed=0, schedule=schedule)
+        found[schedule.name] = result.sse, result.epochs
+    best = min(sse.min() for sse, _ in found.values()) * (1 + 1e-5)
 
-    def share(sse):
-        return np.mean(np.asarray(sse) <= best * (1 + 1e-6))
+    def told(name):
+        sse, epochs = found[name]
+        return f"{np.mean(sse <= best):.0%} of {len(starts)} starts, {epochs.mean():.0f} epochs on average, median {np.median(epochs):.0f}"
 
-    theirs = share([2 * fit.cost for fit in fits]), statistics.median(fit.njev for fit in fits)
-    for name, result in results.items():
-        found = share(result.sse), float(np.median(result.epochs))
-        verdict = "met" if found[0] >= theirs[0] and found[1] <= theirs[1] else "not met"
-        note = f"{found[0]:.0%} of 20 starts, {found[1]:.0f} epochs"
-        rows.append(Row(f"LM quality, {name} schedule: {note}", f"SciPy lm: {theirs[0]:.0%}, {theirs[1]:.0f}", note=verdict if name != "toolbox" else f"kept for the papers ({verdict})"))
-    return rows
+    def met(name):
+        (sse, epochs), (their_sse, theirs) = found[name], found["SciPy lm"]
+        share, few = np.sum(sse <= best) >= np.sum(their_sse <= best), epochs.mean() <= theirs.mean()
+        return f"share {'met' if share else 'not met'}, epochs {'met' if few else 'not met'}"
+
+    return [
+        Row(f"LM quality, {schedule.name}: {told(schedule.name)}", f"SciPy lm: {told('SciPy lm')}", note=met(schedule.name))
+        for schedule in schedules
+    ]
+
+
+def gpu_row(x, t, schedule, processor, repetitions):
+    """Return the row of the same training on a GPU, against the times on one core."""
+    import torch
+
+    from drivelib.training import train
+
+    what, against = "training 256 starts on a GPU", "one core"
+    if not torch.cuda.is_available():
+        return Row(what, against, note="not measured: torch sees no GPU")
+    own = in_turn([lambda: train(x, t, 2, starts=256, seed=0, schedule=schedule, device="cuda")], repetitions, clock=time.perf_counter)[0]
+    return Row(what, against, pairs(own, processor), "faster")
 
 
 def map_rows(repetitions):
@@ -141,6 +199,26 @@ def map_rows(repetitions):
     ]
 
 
+def panel_rows(repetitions):
+    """Return the rows of the sliders: one move, from the value to the finished picture."""
+    panels = {
+        "loss curves": pmsm_panels.loss_curves(IPMSM), "your motor": pmsm_panels.own_motor(IPMSM, 6.0), "fuzzy drive of 2.4 s": dfim_panels.fuzzy_loop(DEFAULT_SCENARIO)
+    }  # fmt: skip
+
+    def mover(panel):
+        widget = next(iter(panel.sliders.values()))
+        places = itertools.cycle((widget.value, 1.02 * widget.value))
+        next(places)
+
+        def move():
+            widget.value = next(places)
+
+        return move
+
+    times = in_turn([mover(panel) for panel in panels.values()], repetitions, inner=5)
+    return [Row(f"sliders, {name}, per move", "", pairs(own, [0.0] * len(own)), "value", 50, "ms", 1e3) for name, own in zip(panels, times, strict=True)]
+
+
 def import_rows(repetitions):
     """Return the rows of imports, each in a fresh interpreter, its start subtracted."""
 
@@ -157,4 +235,4 @@ def import_rows(repetitions):
 
 def rows(repetitions):
     """Return all rows of this file."""
-    return [*fuzzy_rows(repetitions), *training_rows(repetitions), *map_rows(repetitions), *import_rows(repetitions)]
+    return [*fuzzy_rows(repetitions), *training_rows(repetitions), *map_rows(repetitions), *panel_rows(repetitions), *import_rows(repetitions)]
