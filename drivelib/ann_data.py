@@ -35,7 +35,7 @@ def operating_points(scenario=DEFAULT_SCENARIO, speed_factors=SPEED_FACTORS, loa
 
     Parameters
     ----------
-    scenario : dfim_scenario.Scenario
+    scenario : Scenario
         Machine, gains, limits and cycle; its speed and load profiles are scaled, their instants stay.
     speed_factors, load_factors : sequence of float
         Factors on every set point and on every load. A load factor below 0 lets the load drive where it
@@ -43,7 +43,7 @@ def operating_points(scenario=DEFAULT_SCENARIO, speed_factors=SPEED_FACTORS, loa
 
     Returns
     -------
-    list of dfim_scenario.Scenario
+    list of Scenario
 
     Raises
     ------
@@ -102,7 +102,7 @@ def trained_network(
 
     Parameters
     ----------
-    scenario : dfim_scenario.Scenario
+    scenario : Scenario
     activation : {"logistic", "tanh"}
         Hidden-layer function. "Nonlinear sigmoid" may be either; the toolbox calls them logsig and tansig.
     starts, seed : int

@@ -22,7 +22,7 @@ def fuzzy_like_pi(scenario, e_max=E_MAX, *, gains=None):
 
     Parameters
     ----------
-    scenario : dfim_scenario.Scenario
+    scenario : Scenario
     e_max : float
         Error at the edge of the input's range (rad/s): the one number that stays free. By default the
         largest set point of figure 10.

@@ -127,7 +127,7 @@ def simulate(scenario=DEFAULT_SCENARIO, speed=None, *, every=1, window=None):
 
     Parameters
     ----------
-    scenario : dfim_scenario.Scenario
+    scenario : Scenario
     speed : PiSpeed, FuzzySpeed or NetworkSpeed, optional
         Speed controller; by default the PI of the scenario's ω_n and ξ.
     every : int

@@ -37,7 +37,7 @@ def simulate_many(scenarios, speeds=None, *, window=None, workers=None):
 
     Parameters
     ----------
-    scenarios : iterable of dfim_scenario.Scenario
+    scenarios : iterable of Scenario
         Any number; taken as they are needed, so a generator costs no memory. For speed, neighbours should have the
         same number of steps.
     speeds : iterable of speed controllers, optional

@@ -220,7 +220,7 @@ def simulate(scenario, *, start=None):
 
     Parameters
     ----------
-    scenario : pmsm_scenario.Scenario
+    scenario : Scenario
     start : tuple of three floats, optional
         Branch currents (A) and mechanical speed (rad/s) at 0 s, with controllers and inverter at zero. By default the run
         begins settled: the loop runs ``scenario.settle`` on the first values of all profiles, at imposed speed,

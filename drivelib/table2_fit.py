@@ -77,7 +77,7 @@ def fit_pi(scenario, row, xi, load):
 
     Parameters
     ----------
-    scenario : dfim_scenario.Scenario
+    scenario : Scenario
         Machine, limits, current loops, inverter.
     row : table2.Printed
     xi : float

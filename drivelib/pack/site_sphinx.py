@@ -1,9 +1,12 @@
 """What the site adds to Sphinx: equations as MathML, and a few lines where defaults do not fit this pack."""
 
 import re
+import sys
 
 from docutils import nodes
+from docutils.parsers.rst import states
 from latex2mathml.converter import convert
+from sphinx import addnodes
 from sphinx.errors import SphinxError
 
 
@@ -34,7 +37,8 @@ def mathml(latex, display="inline"):
 def setup(app):
     """Register with Sphinx."""
     app.add_html_math_renderer("mathml", inline_renderers=(_inline, None), block_renderers=(_block, None))
-    app.connect("autodoc-process-docstring", _keep_bars)
+    app.connect("doctree-read", _types)
+    states.Inliner.dispatch = states.Inliner.dispatch | {"|": _bar}
     app.connect("html-page-context", _page, priority=100)  # before the theme's own
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
@@ -49,11 +53,30 @@ def _block(self, node):
     raise nodes.SkipNode
 
 
-def _keep_bars(app, what, name, obj, options, lines):
-    """Let docstrings say |x| for a magnitude, which reStructuredText takes for a substitution."""
-    for number, line in enumerate(lines):
-        parts = re.split(r"(``.*?``|`.*?`)", line)
-        lines[number] = "".join(part if k % 2 else part.replace("|", r"\|") for k, part in enumerate(parts))
+def _bar(inliner, match, lineno):
+    """Let text say |x| for a magnitude, which reStructuredText takes for a substitution."""
+    end = match.end("start")
+    return match.string[:end], [], match.string[end:], []
+
+
+def _types(app, doctree):
+    """Link a type or an exception in a docstring to what its own module calls so; any other word there is just a word.
+
+    Sphinx would search the whole pack for something of that name, and there are two classes Scenario.
+    """
+    for node in list(doctree.findall(addnodes.pending_xref)):
+        if node.get("refdomain") == "py" and node.get("refspecific"):
+            named = _named(sys.modules.get(node.get("py:module")), node["reftarget"])
+            if isinstance(named, type) and named.__module__.startswith("drivelib"):
+                node["reftarget"] = f"{named.__module__}.{named.__qualname__}"
+            else:
+                node.replace_self(node.children)
+
+
+def _named(module, name):
+    for part in name.split("."):
+        module = getattr(module, part, None)
+    return module
 
 
 def _page(app, pagename, templatename, context, doctree):
