@@ -14,8 +14,11 @@ from drivelib.pack import preloaded, tokens
 
 # What a notebook can see of the process that it runs in; the private folder's name is the only thing that may differ.
 LOOK = """
-import json, os, random, signal, sys, threading
+import json, multiprocessing, os, random, signal, sys, threading
 import numpy as np
+from concurrent.futures import ProcessPoolExecutor
+with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+    of_its_own = pool.submit(abs, -1).result()
 seen = {
     "environment": {name: value for name, value in os.environ.items() if not name.startswith("JPY_") and name not in ("DRIVELIB_RUN", "DRIVELIB_PUBLISH")},
     "path": sys.path,
@@ -28,6 +31,8 @@ seen = {
     "errors": np.geterr(),
     "smallest": 5e-324 * 1.0,
     "main": __name__,
+    "daemon": multiprocessing.current_process().daemon,
+    "a process of its own": of_its_own,
 }
 seen = json.loads(json.dumps(seen).replace(os.environ["HOME"], "PRIVATE"))
 how = open("/proc/self/cmdline").read()

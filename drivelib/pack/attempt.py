@@ -86,7 +86,8 @@ class Attempt:
         environment_ = variables(self.private, changes, **where)
         job = Job(item, str(self.private), environment_, parameters, self.limit, output_limit, self.token, fork)
         self.receiver, sender = context.Pipe(duplex=False)
-        self.process = context.Process(target=worker.execute, args=(job, sender), daemon=True)
+        # No daemon, for those may have no children, and a kernel forked from this one may want some. `kill` ends it.
+        self.process = context.Process(target=worker.execute, args=(job, sender), daemon=False)
         self.process.start()
         sender.close()
 
