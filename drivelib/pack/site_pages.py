@@ -132,11 +132,12 @@ def _cards(known):
         items = known.papers[paper].items if paper in known.papers else {}
         mine = {known.verdicts[claim_id] for claim_id, claim in known.claims.items() if claim.item == id_}
         shared = {
-            "id": id_, "title": known.titles[id_], "page": f"notebooks/{id_}.ipynb", "paper": known.names.get(paper, ""),
+            "id": id_, "title": known.titles[id_], "page": f"notebooks/{id_}.ipynb", "paper": known.names.get(paper, "The pack"),
             "topic": items[id_].topic if id_ in items else ledger.Item.topic, "verdicts": [verdict for verdict in VERDICTS if verdict in mine],
         }  # fmt: skip
         for stem, alt in site_notebooks.pictures(content, id_).items():
-            cards.append(shared | {"alt": alt, "figure": f"{paper}/{stem}", "picture": f"thumbnails/{paper}/{stem}.png"})
+            figure = id_[: id_.rfind("/") + 1] + stem
+            cards.append(shared | {"alt": alt, "figure": figure, "picture": f"thumbnails/{figure}.png"})
     return cards
 
 
