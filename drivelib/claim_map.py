@@ -1,6 +1,7 @@
 """The map of claims: one square per claim, by item, coloured and lettered by verdict."""
 
 import json
+import math
 
 from matplotlib.patches import Rectangle
 
@@ -17,6 +18,7 @@ LOOKS = {
     ledger.SHOWN: ("S", "#F4F4F4"),
     ledger.NOT_CHECKABLE: ("–", "#D9D9D9"),
 }
+WIDEST = 17  # squares in a line; longer items take several
 DARK = (ledger.NOT_REPRODUCED, ledger.CONTRADICTED)
 
 
@@ -53,22 +55,24 @@ def draw(title, columns):
     """
     if not columns or not all(columns) or not all(items for column in columns for items in column.values()):
         raise ValueError("columns is empty, or a paper in it has no item")
-    heights = [sum(len(items) + 1.6 for items in column.values()) for column in columns]
     figure, axis = plotting.figure(title)
-    left = 0.0
+    left = deepest = 0.0
     for column in columns:
         left += max(len(_name(item)) for items in column.values() for item in items) * 0.36 + 0.6
         y = 0.0
         for heading, items in column.items():
-            axis.text(left, y + 0.7, heading, va="center", fontweight="bold")
-            for y, (item, claims) in enumerate(items.items(), start=round(y) + 1):
+            axis.text(left, y + 0.45, heading, va="center", fontweight="bold")
+            y += 1.0
+            for item, claims in items.items():
                 axis.text(left - 0.3, y + 0.5, _name(item), ha="right", va="center", fontsize=9)
-                for x, verdict in enumerate(claims.values()):
-                    _square(axis, left + x, y, verdict)
-            y += 1.6
-        left += max(len(claims) for items in column.values() for claims in items.values())
-    figure.set_figheight(1.5 + max(heights) * figure.get_figwidth() / (left + 0.1))
-    axis.set(xlim=(0, left + 0.1), ylim=(max(heights), 0), aspect="equal", anchor="NW")
+                for number, verdict in enumerate(claims.values()):
+                    _square(axis, left + number % WIDEST, y + number // WIDEST, verdict)
+                y += max(1, math.ceil(len(claims) / WIDEST))
+            y += 0.6
+        deepest = max(deepest, y)
+        left += min(WIDEST, max(len(claims) for items in column.values() for claims in items.values()))
+    figure.set_figheight(1.4 + deepest * figure.get_figwidth() / (left + 0.1))
+    axis.set(xlim=(0, left + 0.1), ylim=(deepest, 0), aspect="equal", anchor="NW")
     axis.axis("off")
     _key(figure)
     return figure

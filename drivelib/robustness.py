@@ -27,6 +27,7 @@ REACH, NETWORK, DIVERGED = 1, 2, 4
 FLAGS = {REACH: "point out of reach", NETWORK: "network did not converge", DIVERGED: "drive diverged"}
 CONFIDENCE = 0.95
 LEAF = 0.02  # of the draws: a rule about fewer would describe chance
+RARE = 0.005  # of the draws: what sets so few apart is not said
 WORTH = 0.1  # of the first assumption's share in the tree's gain: a weaker one is not said to decide
 
 
@@ -157,13 +158,16 @@ def reasons(table):
 def decided_by(study, table, holds):
     """Return (assumptions, rule) of a decision tree of depth two: what separates draws that hold from those that do not.
 
-    A choice among several enters as one yes-or-no question per value. Nothing decides where all draws hold, none does, or no
-    question that concerns a fiftieth of the draws tells them apart.
+    A choice among several enters as one yes-or-no question per value. Nothing decides where all draws hold, none does, all but one in
+    two hundred agree, or no question that concerns a fiftieth of the draws tells them apart.
     """
     from sklearn.tree import DecisionTreeClassifier
 
-    if holds.all() or not holds.any():
-        return (), "in every draw" if holds.all() else "in no draw"
+    k = int(holds.sum())
+    if min(k, len(holds) - k) <= RARE * len(holds):
+        if k in (0, len(holds)):
+            return (), "in every draw" if k else "in no draw"
+        return (), f"in all but {len(holds) - k} draws" if 2 * k > len(holds) else f"in {k} of {len(holds)} draws"
     questions, features = [], []
     for name, values in study.space.assumptions.items():
         if isinstance(values, Span):

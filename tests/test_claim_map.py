@@ -18,8 +18,8 @@ def test_every_claim_of_a_paper_is_one_square_in_its_items_row():
     axis = claim_map.draw("Map", [{"Eskander": found}]).axes[0]
     squares = [patch for patch in axis.patches if isinstance(patch, Rectangle)]
     assert len(squares) == sum(len(claims) for claims in found.values()) == len(ledger.papers()["eskander"].claims)
-    rows = sorted({round(square.get_y()) for square in squares})
-    per_row = [sum(round(square.get_y()) == row for square in squares) for row in rows]
+    rows = sorted({round(square.get_y(), 1) for square in squares})
+    per_row = [sum(round(square.get_y(), 1) == row for square in squares) for row in rows]
     assert per_row == [len(claims) for claims in found.values()]
 
 

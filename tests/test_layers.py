@@ -1,6 +1,7 @@
 """Lower layers never import higher ones, and importing drivelib is cheap."""
 
 import ast
+import re
 import subprocess
 import sys
 
@@ -22,6 +23,17 @@ def test_a_file_imports_its_own_layer_and_lower_ones_only(name):
 def test_no_layer_lists_a_file_that_is_not_there_or_that_another_one_lists():
     listed = [name for layer in LAYERS for name in layer.files]
     assert sorted(listed) == FILES
+
+
+def test_the_picture_of_the_layers_shows_what_the_code_imports(repository):
+    picture = re.search(r"```mermaid\n(.*?)```", (repository / "CONTRIBUTING.md").read_text(), re.DOTALL).group(1)
+    drawn = set(re.findall(r"(\w+)(?:\[.*?\])? --> (\w+)", picture))
+    found = {
+        (LAYERS[layer_of(name)].name, LAYERS[layer_of(imported.removesuffix(".py"))].name)
+        for name in FILES
+        for imported in freshness._imported((freshness.PACKAGE / f"{name}.py").read_text())
+    }
+    assert drawn == {(above, below) for above, below in found if above != below and below != "Ground"}
 
 
 def test_no_two_files_import_one_another_in_a_circle():

@@ -72,6 +72,10 @@ def test_shares_intervals_and_deciding_assumptions():
     always = Study("always", TOY.space, TOY.claims, lambda values, rng: ({"eskander/fig06": 0.0}, 0))
     (row,) = summary(always, run(always, 20, 1, executor=ONE), CLAIMS)
     assert (row.share, row.deciding, row.rule) == (1.0, (), "in every draw")
+    x = np.linspace(0.0, 1.0, 1000)
+    table = np.rec.fromarrays([x, 0 * x, 0 * x], names="x,kind,idle")
+    assert robustness.decided_by(TOY, table, x < 0.9975) == ((), "in all but 3 draws")
+    assert robustness.decided_by(TOY, table, x < 0.0015) == ((), "in 2 of 1000 draws")
 
 
 def test_an_empty_a_contradictory_and_a_fully_flagged_space_are_refused():
