@@ -122,8 +122,8 @@ def test_the_search_finds_the_figure_of_the_inverter_angle(tab):
     first = tab.evaluate("[...document.querySelectorAll('#search-results li a')].slice(0, 3).map((a) => a.href)")
     assert any("fig16_inverter_angle.html" in link for link in first)
     assert tab.complaints() == []
-    tab.evaluate("document.querySelector('#search-results li a').click()")
-    tab.until("document.querySelector('h1') && location.href.includes('/notebooks/')")
+    tab.evaluate("document.querySelector('#search-results a[href*=fig16_inverter_angle]').click()")
+    tab.until("location.href.includes('/notebooks/') && document.querySelector('h1')")
 
 
 def test_the_gallery_filters_and_the_address_keeps_the_filter(tab):
