@@ -1,6 +1,7 @@
 """The site as files: every link leads somewhere, nothing comes from elsewhere, every notebook, claim and module has its page."""
 
 import base64
+import csv
 import hashlib
 import json
 import re
@@ -115,13 +116,13 @@ def test_every_notebook_has_a_page_with_its_picture_data_and_claims(built_site, 
         for output in shown:
             digest = hashlib.sha256(base64.b64decode("".join(output["data"]["image/png"]))).hexdigest()
             assert digest == json.loads(paths.figure(id_, "json").read_text())["artefacts"]["png"]
-        if (paths.root() / "figures" / f"{id_}.json").exists():
+        if shown:
             stem = id_.split("/")[-1]
             suffixes = {link.rsplit(".", 1)[-1] for link in page.links if link.rsplit("/", 1)[-1].startswith(f"{stem}.")}
             assert {"csv", "svg", "png", "ipynb"} <= suffixes
             text = (built_site / f"notebooks/{id_}.html").read_text()
             assert text.count("<details") >= 2
-            for claim_id in ledger.claims_of(id_):
+            for claim_id in [claim_id for paper in ledger.papers().values() for claim_id, claim in paper.claims.items() if claim.item == id_]:
                 assert any(link.endswith(f"claims/{claim_id}.html") for link in page.links), (id_, claim_id)
 
 
@@ -135,6 +136,15 @@ def test_every_claim_has_a_page_with_its_verdict_and_a_link_to_each_function(pag
             assert any(link.endswith(f"#drivelib.{function}") for link in page.links), (claim.id, function)
         assert any(link.endswith(f"notebooks/{claim.item}.html") for link in page.links) or verdict == report.OPEN
         assert f"{claim.id}.html" in pages["claims/index.html"].links
+
+
+def test_a_claim_that_was_drawn_at_random_says_in_which_share_it_holds(pages):
+    path = paths.root() / "figures" / "beyond" / "claim_robustness.csv"
+    rows = list(csv.DictReader(line for line in path.read_text().splitlines() if not line.startswith("#")))
+    assert rows
+    for row in rows:
+        text = " ".join("".join(pages[f"claims/{row['claim']}.html"].words).split())
+        assert f"holds in {100 * float(row['share']):.1f} % of {int(row['draws']) - int(row['flagged'])} draws" in text
 
 
 def test_every_module_has_a_page(built_site):

@@ -8,6 +8,7 @@ by themselves, so that no script for mathematics has to be shipped.
 
 import io
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -76,7 +77,7 @@ def build(target, cache, jobs=None):
             confoverrides=configuration, status=None, warning=said, parallel=jobs or os.cpu_count() or 1,
         )  # fmt: skip
         app.build()
-    warnings = said.getvalue().splitlines()
+    warnings = re.sub(r"\x1b\[[0-9;]*m", "", said.getvalue()).splitlines()
     if warnings:  # what was read is not read again, and would not be warned of again
         shutil.rmtree(cache / "doctrees")
     return warnings

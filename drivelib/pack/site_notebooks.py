@@ -11,6 +11,7 @@ import numpy as np
 from PIL import Image
 
 from drivelib import ledger, notebook, paths
+from drivelib.pack import report
 from drivelib.pack.site_text import page, relinked
 
 ROWS = 10  # of a table behind a figure; the rest is in the file to download
@@ -46,10 +47,10 @@ def as_page(id_, content, claims, verdicts):
         Their verdicts.
     """
     depth = id_.count("/") + 1
-    up, folder = "../" * depth, f"/files/figures/{id_.rpartition('/')[0]}"
+    up, folder = "../" * depth, id_[: id_.rfind("/") + 1]
     stems = list(pictures(content, id_))
     for output, stem, alt in _shown(content, id_):
-        output["data"], output["metadata"] = {"text/markdown": page("picture.md", file=f"{folder}/{stem}.svg", alt=alt)}, {}
+        output["data"], output["metadata"] = {"text/markdown": page("picture.md", file=f"/files/figures/{folder}{stem}.svg", alt=alt)}, {}
     for output in _outputs(content):
         text = output["data"].get("text/markdown")
         if text:
@@ -60,11 +61,11 @@ def as_page(id_, content, claims, verdicts):
         elif len(notebook.source(cell).splitlines()) > LONG:
             cell["metadata"]["tags"] = [*cell["metadata"].get("tags", ()), "hide-input"]
     mine = {claim_id: verdicts[claim_id] for claim_id, claim in claims.items() if claim.item == id_}
-    if mine:
-        first, tables = content["cells"][0], [table(paths.root() / "figures" / id_.rpartition("/")[0] / f"{stem}.csv") for stem in stems]
+    if mine or stems:
+        first, tables = content["cells"][0], [table(paths.root() / "figures" / f"{folder}{stem}.csv") for stem in stems]
         title, _, rest = first["source"].partition("\n")
         first["source"] = page("notebook_head.md", title=title, counts=_counted(mine.values()), rest=rest)
-        last = page("notebook_end.md", id=id_, folder=folder, up=up, claims=mine, tables=tables)
+        last = page("notebook_end.md", id=id_, folder=f"/files/figures/{folder}", up=up, claims=mine, tables=tables)
         content["cells"].append({"cell_type": "markdown", "id": "site-end", "metadata": {}, "source": last})
     return notebook.dumps(content)
 
@@ -99,7 +100,7 @@ def thumbnail(path):
 
 def _counted(verdicts):
     counts = Counter(verdicts)
-    return {verdict: counts[verdict] for verdict in ledger.VERDICTS if counts[verdict]}
+    return {verdict: counts[verdict] for verdict in (*ledger.VERDICTS, report.OPEN) if counts[verdict]}
 
 
 def _outputs(content):

@@ -1,7 +1,6 @@
 """The pages that are written from the ledgers and results: start, gallery, claims, papers, API, differences."""
 
 import csv
-import io
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -101,7 +100,7 @@ def _claim_pages(known):
             "claim.md", **known.shared(), paper=paper, claim=claim, result=result, verdict=verdict,
             asked=report.asked(claim), allowed=describe(claim)[1], ours=report.ours(claim, result),
             why=paper.expected.get(claim.id, ("", ""))[1], functions=_functions(claim), has_page=claim.item in known.contents,
-            window=result["window"] if result and not claim.omitted else "", robustness=robustness.get(claim.id, []),
+            window=result["window"] if result and not claim.omitted else "", robustness=robustness.get(claim.id),
         )  # fmt: skip
     return text
 
@@ -132,11 +131,12 @@ def _cards(known):
         items = known.papers[paper].items if paper in known.papers else {}
         mine = {known.verdicts[claim_id] for claim_id, claim in known.claims.items() if claim.item == id_}
         shared = {
-            "id": id_, "title": known.titles[id_], "page": f"notebooks/{id_}.ipynb", "paper": known.names.get(paper, ""),
+            "id": id_, "title": known.titles[id_], "page": f"notebooks/{id_}.ipynb", "paper": known.names.get(paper, "The pack"),
             "topic": items[id_].topic if id_ in items else ledger.Item.topic, "verdicts": [verdict for verdict in VERDICTS if verdict in mine],
         }  # fmt: skip
         for stem, alt in site_notebooks.pictures(content, id_).items():
-            cards.append(shared | {"alt": alt, "figure": f"{paper}/{stem}", "picture": f"thumbnails/{paper}/{stem}.png"})
+            figure = id_[: id_.rfind("/") + 1] + stem
+            cards.append(shared | {"alt": alt, "figure": figure, "picture": f"thumbnails/{figure}.png"})
     return cards
 
 
@@ -179,15 +179,12 @@ def _modules(layer):
 
 
 def _robustness():
-    """Return ``{claim id: [(what, value), …]}`` from what the robustness notebook published, if it did."""
+    """Return ``{claim id: row}`` of what the robustness notebook published, with numbers as numbers, if it did."""
     found = {}
     for path in sorted((paths.root() / "figures" / "beyond").glob("claim_robustness*.csv")):
-        text = path.read_text(encoding="utf-8").splitlines()
-        about = {match[1]: match.groups()[1:] for match in (re.fullmatch(r"# (.+?) \[(.*?)\]: (.*)", line) for line in text) if match}
-        for row in csv.DictReader(io.StringIO("\n".join(line for line in text if not line.startswith("#")))):
-            shown = found.setdefault(row.pop("claim", None), [])
-            for name, value in row.items():
-                unit, meaning = about.get(name, ("1", name))
-                if value:
-                    shown.append((meaning, value + (f" {unit}" if unit not in ("", "1") else "")))
+        lines = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
+        for row in csv.DictReader(lines):
+            if row.get("claim") and row.get("share"):
+                numbers = {name: float(row[name]) for name in ("draws", "flagged", "share", "low", "high")}
+                found[row["claim"]] = row | numbers
     return found
