@@ -43,6 +43,8 @@ def array(name, value, unit="", *, above=None, at_least=None, at_most=None):
         Naming the parameter, the first offending element, unit and allowed range.
     """
     values = _real(name, value, unit)
+    if above is at_least is at_most is None and np.isfinite(values).all():
+        return values
     bad = ~np.isfinite(values) | _outside(values, above, at_least, at_most)
     if np.any(bad):
         index = tuple(int(i) for i in np.argwhere(bad)[0])
