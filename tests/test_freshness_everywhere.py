@@ -79,7 +79,7 @@ def test_each_source_file(recorded, monkeypatch, module):
     wanted = {id_ for id_ in ITEMS if f"drivelib/{module}" in freshness.record(id_)["parts"]}
     assert stale() == {id_: [f"drivelib/{module} changed"] for id_ in wanted}
     if module.startswith("pack/"):
-        assert not wanted
+        assert wanted <= {ledger.INDEX}  # it shows the findings as the README does
     if module in ("record.py", "ledger.py", "__init__.py"):
         assert wanted >= set(ITEMS) - {ledger.INDEX}
 
