@@ -5,7 +5,7 @@ flagged as out of reach. The network learns (ω_m, T) → terminal (i_d, i_q) of
 firmware would ask for them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -133,7 +133,10 @@ def trained(data, *, hidden=10, starts=8, seed=2002, rms_percent=0.3):
     from drivelib.levenberg import MARQUARDT
     from drivelib.training import train
 
-    return train(data.x, data.t, hidden, starts=starts, seed=seed, schedule=MARQUARDT, goal=sse_goal(data, rms_percent)).best()
+    # The damping that beyond/your_motor was published with. How a network errs below the goal is chance: with MARQUARDT's
+    # own factors the worst of its three motors loses 1.14 % instead of 0.96 %.
+    schedule = replace(MARQUARDT, down=0.25, up=4.0, stall=1e-10)
+    return train(data.x, data.t, hidden, starts=starts, seed=seed, schedule=schedule, goal=sse_goal(data, rms_percent)).best()
 
 
 @dataclass(frozen=True)
