@@ -145,10 +145,9 @@ def trained(data, *, hidden=10, starts=8, seed=2002, rms_percent=0.3):
         If no start gets there; the message says how far the best one came. More hidden neurons or starts, or
         a larger ``rms_percent``, are the remedies. No unfinished network is returned.
     """
-    from drivelib.levenberg import MARQUARDT
     from drivelib.training import train
 
-    return train(data.x, data.t, hidden, starts=starts, seed=seed, schedule=MARQUARDT, goal=sse_goal(data, rms_percent)).best()
+    return train(data.x, data.t, hidden, starts=starts, seed=seed, goal=sse_goal(data, rms_percent)).best()
 
 
 @dataclass(frozen=True)
