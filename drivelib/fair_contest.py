@@ -5,17 +5,18 @@ what they were tuned for. Four measures, smaller is better: `OBJECTIVES`, the fi
 """
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from drivelib import ann_data, contest, control, fuzzy_facts, tuning
+from drivelib import contest, control, fuzzy_facts, tuning
 from drivelib.dfim_drive import SimulationDiverged, simulate
 from drivelib.dfim_scenario import DEFAULT_SCENARIO
 from drivelib.encoder import Encoder
-from drivelib.speed_law import FuzzySpeed, NetworkSpeed, PiSpeed, WeightedPiSpeed
+from drivelib.fair_networks import scaled
+from drivelib.speed_law import FuzzySpeed, PiSpeed, WeightedPiSpeed
 from drivelib.tuning import Range
-from drivelib.validation import number
 
 BAND = 0.5  # rad/s, inside which the speed has settled
 TAIL = 0.2  # share of the time between two events, at its end, that counts as rest
@@ -25,14 +26,14 @@ TUNING = DEFAULT_SCENARIO.changed(
     speed_reference=((0.0, 60.0), (1.6, -20.0)), load_torque=((0.0, 0.0), (0.7, 20.0), (1.2, 0.0)),
 )  # fmt: skip
 CYCLES = {
-    "figure 10": DEFAULT_SCENARIO.changed(name="figure 10", encoder=Encoder(seed=2)),
+    "figure 10": contest.stretched(DEFAULT_SCENARIO, 1.5).changed(name="figure 10", encoder=Encoder(seed=2)),
     "slow": TUNING.changed(
         name="slow", encoder=Encoder(seed=3),
         speed_reference=((0.0, 10.0), (0.8, 0.0), (1.6, -5.0)), load_torque=((0.0, 0.0), (0.4, 12.5), (1.2, -12.5), (2.0, 0.0)),
     ),
     "driving load": TUNING.changed(
-        name="driving load", encoder=Encoder(seed=4),
-        speed_reference=((0.0, 100.0),), load_torque=((0.0, 0.0), (0.8, -25.0), (1.3, 25.0), (1.9, 0.0)),
+        name="driving load", encoder=Encoder(seed=4), duration=3.0,
+        speed_reference=((0.0, 100.0),), load_torque=((0.0, 0.0), (1.2, -25.0), (1.8, 25.0), (2.4, 0.0)),
     ),
 }  # fmt: skip
 MOTORS = {"as known": (1.0, 1.0), "R_r + 50 %": (1.5, 1.0), "J − 50 %": (1.0, 0.5), "J + 50 %": (1.0, 1.5)}
@@ -107,12 +108,21 @@ def measure(scenario, law):
 def _rms_about_line(values):
     x = np.arange(values.size) - 0.5 * (values.size - 1)
     about = values - values.mean()
-    return float(np.sqrt(np.mean((about - x * (x @ about) / (x @ x)) ** 2)))
+    return float(np.sqrt(np.mean((about - x * (np.sum(x * about) / np.sum(x * x))) ** 2)))
 
 
-def score(found, reference):
-    """Return the objective: mean over the four of measure over the reference controller's measure; infinite if diverged."""
-    return float(np.mean([ours / theirs for ours, theirs in zip(found[:4], reference[:4], strict=True)]))
+def score(found, reference, weights=(1.0, 1.0, 1.0, 1.0)):
+    """Return the objective: weighted mean over the four of measure over the reference controller's measure.
+
+    Infinite where the drive diverged. A weight of 0 leaves a measure out, such as the ripple where nothing is noisy.
+    """
+    parts = [weight * ours / theirs for ours, theirs, weight in zip(found[:4], reference[:4], weights, strict=True) if weight > 0]
+    return float(np.sum(parts) / np.sum(weights))
+
+
+def stiffness(law, period=TUNING.period):
+    """Return the slope of a position-form fuzzy controller at rest, near no error (N m s/rad)."""
+    return fuzzy_facts.equivalent_gains(law, period)[0]
 
 
 def reference_law(scenario=TUNING):
@@ -157,75 +167,101 @@ def contenders(scenario=TUNING, *, error_network=None, fair_network=None):
     return found
 
 
-def tune(contender, *, scenario=TUNING, budget, seed):
-    """Return the `tuning.Found` of one contender, (ranges, function) as `contenders` gives it, in one scenario."""
+def tune(contender, *, scenario=TUNING, budget, seed, weights=(1.0, 1.0, 1.0, 1.0)):
+    """Return the `tuning.Found` of one contender, (ranges, function) as `contenders` gives it, in one scenario.
+
+    Raises
+    ------
+    ValueError
+        If the contender is no such pair, or the budget is not one of `tuning.search`.
+    """
     if not (isinstance(contender, tuple) and len(contender) == 2 and callable(contender[1])):
         raise ValueError(f"contender = {contender!r}: must be (ranges, function that makes a controller), see contenders()")
     ranges, make = contender
     unit = measure(scenario, reference_law(scenario))
-    return tuning.search(lambda **values: measure(scenario, make(**values)), lambda found: score(found, unit), ranges, budget=budget, seed=seed)
+    return tuning.search(
+        lambda **values: measure(scenario, make(**values)), lambda found: score(found, unit, weights), ranges, budget=budget, seed=seed
+    )
 
 
-def scored(laws, scenarios):
+@dataclass(frozen=True)
+class Round:
+    """One contest: what each search found, the controllers it chose, and what they do in every condition.
+
+    ``measures`` and ``scores``: by name and condition.
+    """
+
+    found: dict
+    laws: dict
+    measures: dict
+    scores: dict
+
+    def score(self, name):
+        """Return a controller's score, mean over the conditions."""
+        return float(np.mean(list(self.scores[name].values())))
+
+    def mean(self, name):
+        """Return a controller's `Measures`, each the mean over the conditions."""
+        return Measures(*np.mean(list(self.measures[name].values()), axis=0).tolist())
+
+    def worst(self, name):
+        """Return a controller's `Measures`, each the largest over the conditions."""
+        return Measures(*np.max(list(self.measures[name].values()), axis=0).tolist())
+
+    def front(self, name):
+        """Return the Pareto front of every candidate that a search tried, shape (n, 4), in its own cycle."""
+        results = self.found[name].results[:, :4]
+        return results[tuning.pareto_front(results)]
+
+    def sensitivity(self, name):
+        """Return by how much the wrong motor raises the four measures, mean over them and the cycles; the worst motor counts."""
+        own = self.measures[name]
+        known = next(iter(MOTORS))
+        rises = {
+            motor: np.mean([np.divide(own[cycle, motor][:4], own[cycle, known][:4]) for cycle, m in own if m == motor]) - 1.0
+            for motor in {motor for _, motor in own} - {known}
+        }
+        return float(max(rises.values()))
+
+
+def play(contenders, *, scenario=TUNING, cycles=None, budget, seed, weights=(1.0, 1.0, 1.0, 1.0), known=None):
+    """Return the `Round`: every contender tuned in ``scenario``, then scored in all `conditions` of ``cycles``.
+
+    ``known``: {name: `tuning.Found`} of those that were tuned before, in the same way. Beside them, untuned, stand the scenario's own PI and, where there is a fuzzy position form, the P of its stiffness.
+    """
+    if not contenders:
+        raise ValueError("contenders is empty: there is nobody to play")
+    options = {"scenario": scenario, "budget": budget, "seed": seed, "weights": weights}
+    found = {name: (known or {}).get(name) or tune(contender, **options) for name, contender in contenders.items()}
+    return chosen(found, contenders, cycles=cycles, weights=weights)
+
+
+def chosen(found, contenders, *, scenario=None, cycles=None, weights=(1.0, 1.0, 1.0, 1.0)):
+    """Return the `Round` of the best of what was ``found``; with ``scenario`` the best by other ``weights`` there."""
+    laws = {"untuned PI": reference_law()}
+    for name, own in found.items():
+        pick = own.best
+        if scenario is not None:
+            unit = measure(scenario, reference_law(scenario))
+            k = int(np.argmin([score(results, unit, weights) for results in own.results]))
+            pick = dict(zip(pick, own.values[k].tolist(), strict=True))
+        laws[name] = contenders[name][1](**pick)
+    if "FLC position" in laws:
+        laws["P"] = PiSpeed(stiffness(laws["FLC position"]), 0.0)
+    return Round(found, laws, *scored(laws, conditions(cycles), weights))
+
+
+def scored(laws, scenarios, weights=(1.0, 1.0, 1.0, 1.0)):
     """Return {name: {condition: Measures}} and {name: {condition: score against the untuned PI}}.
 
     Raises
     ------
     ValueError
-        If a controller is missing (None) or there is no condition.
+        If a controller is missing (None), or there is no controller or no condition.
     """
     missing = [name for name, law in laws.items() if law is None]
     if missing or not laws or not scenarios:
-        raise ValueError(f"no controller {missing[0]!r}" if missing else "laws or scenarios is empty: there is nothing to score")
+        raise ValueError(f"no controller {missing[0]!r} was given" if missing else "laws or scenarios is empty: there is nothing to score")
     units = {key: measure(scenario, reference_law()) for key, scenario in scenarios.items()}
     measures = {name: {key: measure(scenario, law) for key, scenario in scenarios.items()} for name, law in laws.items()}
-    return measures, {name: {key: score(found, units[key]) for key, found in own.items()} for name, own in measures.items()}
-
-
-def scaled(network, g_e, g_i, g_u):
-    """Return a `NetworkSpeed` with factors on its inputs e and ∫e and on its output."""
-    factors = np.array([g_e, 1.0, g_i])[: network.W1.shape[1]]
-    return NetworkSpeed(network.W1 * factors, network.B1, network.W2 * g_u, network.B2 * g_u, network.activation, network.form)
-
-
-def stiffness(law, period=TUNING.period):
-    """Return the slope of a position-form fuzzy controller at rest, near no error (N m s/rad)."""
-    return fuzzy_facts.equivalent_gains(law, period)[0]
-
-
-def teacher(law, scenario=TUNING):
-    """Return the scenario with exact speed whose own PI has the gains of ``law`` (`PiSpeed`): what a network learns from."""
-    machine = scenario.known_machine
-    omega_n = math.sqrt(law.K_i / machine.J)
-    return scenario.changed(encoder=None, omega_n=omega_n, xi=(law.K_p + machine.f) / (2.0 * omega_n * machine.J))
-
-
-def error_network(law, *, scenario=TUNING, speed_factors=(2.5, 1.0, 0.4), **training):
-    """Return the paper's network, torque from the present error alone, trained on runs of the PI ``law``.
-
-    ``training`` goes to `ann_data.trained_network`. The fastest runs reach 150 rad/s, so that the steps of figure 10 lie
-    hardly outside what it has seen.
-    """
-    result = ann_data.trained_network(teacher(law, scenario), speed_factors=speed_factors, **training)
-    return ann_data.network_speed(result.best(unfinished=True))
-
-
-def fair_network(law, *, scenario=TUNING, e_max=300.0, samples=2048, n_hidden=15, starts=4, seed=2020):
-    """Return a network with the PI's inputs, e and ∫e, that has learned the limited command of the PI ``law``.
-
-    It learns the PI's own answer on Sobol points of the plane, dense near zero, instead of on runs: where a run goes
-    would only thin them out. Errors up to ``e_max`` (rad/s), integrals that hold up to the torque limit.
-    """
-    from scipy.stats import qmc
-
-    from drivelib.levenberg import TOOLBOX
-    from drivelib.training import train
-
-    samples = number("samples", samples, at_least=64, whole=True)
-    number("K_i of the teacher", law.K_i, "N m/rad", above=0)
-    unit = 2.0 * qmc.Sobol(2, rng=np.random.default_rng(seed)).random_base2(math.ceil(math.log2(samples)))[:samples] - 1.0
-    inputs = unit**3 * [number("e_max", e_max, "rad/s", above=0), scenario.T_limit / law.K_i]
-    command = np.clip(inputs @ [law.K_p, law.K_i], -scenario.T_limit, scenario.T_limit)
-    result = train(inputs, command, n_hidden, starts=starts, seed=seed, schedule=TOOLBOX, split=ann_data.SPLIT)
-    W1, B1, W2, B2 = result.best(unfinished=True).folded()
-    return NetworkSpeed(np.insert(W1, 1, 0.0, axis=1), B1, W2[0], float(B2[0]))
+    return measures, {name: {key: score(found, units[key], weights) for key, found in own.items()} for name, own in measures.items()}

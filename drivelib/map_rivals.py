@@ -143,7 +143,7 @@ def exact(found):
 
     def currents(x):
         best = pmsm_optimum.optimum(machine, machine.P * x[..., 0], x[..., 1], V_max=found.V_max, I_max=found.I_max)
-        return np.stack([best.i_d, best.i_q], axis=-1)
+        return np.nan_to_num(np.stack([best.i_d, best.i_q], axis=-1))  # out of reach nothing is asked for
 
     return Rival("exact formula", currents, lambda omega_m, T_e: _optimum(machine, found.V_max, found.I_max, omega_m, T_e), SINGLE * 10)
 

@@ -11,8 +11,8 @@ from drivelib.pack import freshness
 LAYERS = (
     {"__init__", "paths", "validation", "profiles"},
     {"machines", "curves", "pmsm", "pmsm_angle", "pmsm_optimum", "circuits", "identification", "metrics", "dfim_machines", "dfim", "dfim_decoupling", "dfim_response", "pmsm_dynamics", "transients", "decimation", "table2"},
-    {"control", "fuzzy", "fuzzy_facts", "fuzzy_reference", "fuzzy_sets", "neural", "levenberg", "training", "networks", "speed_law", "pmsm_law", "loss_map", "fixed_point", "export_c", "encoder", "operations", "map_rivals"},
-    {"dfim_plant", "pwm", "dfim_control", "dfim_loop", "dfim_lanes", "dfim_many", "ensemble", "shards", "space", "dfim_scenario", "dfim_drive", "pmsm_plant", "pmsm_scenario", "pmsm_loop", "pmsm_drive", "ann_data", "contest", "table2_fit", "tuning", "fair_contest"},
+    {"control", "fuzzy", "fuzzy_facts", "fuzzy_reference", "fuzzy_sets", "neural", "levenberg", "training", "networks", "speed_law", "pmsm_law", "loss_map", "fixed_point", "export_c", "encoder", "fuzzy_noise", "operations", "map_rivals"},
+    {"dfim_plant", "pwm", "dfim_control", "dfim_loop", "dfim_lanes", "dfim_many", "ensemble", "shards", "space", "dfim_scenario", "dfim_drive", "pmsm_plant", "pmsm_scenario", "pmsm_loop", "pmsm_drive", "ann_data", "contest", "table2_fit", "tuning", "fair_networks", "fair_contest"},
     {"ledger", "symbolic", "derivations", "derivations_zidani"},
     {"environment", "bootstrap", "notebook", "plotting", "diagrams", "network_diagram", "schemes", "schemes_zidani", "orientation", "record", "export"},
     {"pack/__init__", "pack/freshness", "pack/worker", "pack/runner", "pack/check", "pack/report", "pack/difference", "pack/commands", "pack/layers", "pack/publishing", "pack/review", "pack/verify", "pack/cells", "pack/processors", "__main__"},
