@@ -188,13 +188,14 @@ def tune(contender, *, scenario=TUNING, budget, seed, weights=(1.0, 1.0, 1.0, 1.
 class Round:
     """One contest: what each search found, the controllers it chose, and what they do in every condition.
 
-    ``measures`` and ``scores``: by name and condition.
+    ``measures`` and ``scores``: by name and condition; ``weights`` of the four measures.
     """
 
     found: dict
     laws: dict
     measures: dict
     scores: dict
+    weights: tuple
 
     def score(self, name):
         """Return a controller's score, mean over the conditions."""
@@ -214,14 +215,11 @@ class Round:
         return results[tuning.pareto_front(results)]
 
     def sensitivity(self, name):
-        """Return by how much the wrong motor raises the four measures, mean over them and the cycles; the worst motor counts."""
-        own = self.measures[name]
-        known = next(iter(MOTORS))
-        rises = {
-            motor: np.mean([np.divide(own[cycle, motor][:4], own[cycle, known][:4]) for cycle, m in own if m == motor]) - 1.0
-            for motor in {motor for _, motor in own} - {known}
-        }
-        return float(max(rises.values()))
+        """Return the score of the worst motor, in units of what the same controller does with the motor that it knows, less 1."""
+        own, known = self.measures[name], next(iter(MOTORS))
+        cycles = dict.fromkeys(cycle for cycle, _ in own)
+        wrong = [motor for motor in MOTORS if motor != known]
+        return max(float(np.mean([score(own[cycle, motor], own[cycle, known], self.weights) for cycle in cycles])) for motor in wrong) - 1.0
 
 
 def play(contenders, *, scenario=TUNING, cycles=None, budget, seed, weights=(1.0, 1.0, 1.0, 1.0), known=None):
@@ -248,7 +246,7 @@ def chosen(found, contenders, *, scenario=None, cycles=None, weights=(1.0, 1.0, 
         laws[name] = contenders[name][1](**pick)
     if "FLC position" in laws:
         laws["P"] = PiSpeed(stiffness(laws["FLC position"]), 0.0)
-    return Round(found, laws, *scored(laws, conditions(cycles), weights))
+    return Round(found, laws, *scored(laws, conditions(cycles), weights), weights)
 
 
 def scored(laws, scenarios, weights=(1.0, 1.0, 1.0, 1.0)):

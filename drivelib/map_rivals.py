@@ -60,10 +60,11 @@ def network(trained):
     return Rival(f"network, {B1.size} neurons", currents, algorithm, SINGLE * (W1.size + B1.size + W2.size + B2.size))
 
 
-def table(found, points, headroom=0.95):
+def table(found, data, points, headroom=0.95):
     """Return a bilinear look-up table, ``points`` × ``points`` over speed and torque, as a `Rival`.
 
-    Nodes beyond the torque that is answered for hold the currents at that torque, so that no cell has an empty corner.
+    Its nodes are fitted to ``data`` (`loss_map.training_data`) by least squares, so that a table learns what a network
+    learns. Where no point says otherwise a node keeps the optimum there, beyond the torque limit that at the limit.
 
     Raises
     ------
@@ -79,6 +80,10 @@ def table(found, points, headroom=0.95):
     held = np.minimum(torque[None, :], limit[:, None])
     best = pmsm_optimum.optimum(found.machine, found.machine.P * speed[:, None], held, V_max=found.V_max, I_max=found.I_max)
     nodes = np.stack([best.i_d, best.i_q], axis=-1)
+    hats = [np.maximum(1 - np.abs(x[:, None] - axis) / (axis[1] - axis[0]), 0) for x, axis in zip(data.x.T, (speed, torque), strict=True)]
+    shares = np.einsum("ki,kj->kij", *hats).reshape(len(data.x), -1)
+    off = data.t - shares @ nodes.reshape(-1, 2)
+    nodes = nodes + np.linalg.lstsq(shares, off, rcond=1e-6)[0].reshape(nodes.shape)  # the least change where data is silent
     interpolate = RegularGridInterpolator((speed, torque), nodes)
     values = nodes.tolist()
     per_speed, per_torque = 1.0 / (speed[1] - speed[0]), 1.0 / (torque[1] - torque[0])
@@ -98,9 +103,9 @@ def table(found, points, headroom=0.95):
     return Rival(f"table, {points} × {points}", interpolate, algorithm, SINGLE * nodes.size)
 
 
-def table_for(found, memory, headroom=0.95):
+def table_for(found, data, memory, headroom=0.95):
     """Return the largest square table that fits into ``memory`` (bytes)."""
-    return table(found, int((number("memory", memory, "bytes", at_least=2 * 4 * SINGLE) / (2 * SINGLE)) ** 0.5), headroom)
+    return table(found, data, int((number("memory", memory, "bytes", at_least=2 * 4 * SINGLE) / (2 * SINGLE)) ** 0.5), headroom)
 
 
 def closed_form(machine, passes=3):
