@@ -1,7 +1,8 @@
-"""What an encoder's noise makes of the fuzzy controller: its mean answer to an error while Δe is mostly noise.
+"""What an encoder's noise makes of the fuzzy controller: the error that its mean output answers to while Δe is mostly noise.
 
-The rules' surface has a kink at the origin: 1.5 (e + Δe) where the signs differ, 1.5 times the larger where they agree.
-A linear controller passes the mean of a noisy input; this one does not.
+A linear controller passes the mean of a noisy input on; this one does not. Its surface has a kink at the origin, 1.5 (e + Δe)
+where the signs differ and 1.5 times the larger where they agree, so of an e that is small beside Δe half is lost. And noise
+that is not symmetric, such as that of whole counts, leaves a mean, in units of e K_de/K_e times as large.
 """
 
 import numpy as np
@@ -12,15 +13,15 @@ from drivelib.fuzzy_facts import ORIGIN_SLOPE
 from drivelib.validation import array, number
 
 
-def mean_answer(law, encoder, error, *, speed=60.0, period=1e-4, samples=20_000):
-    """Return the mean output over what the same small-signal gain would give without noise.
+def answered_error(law, encoder, error, *, speed=60.0, period=1e-4, samples=20_000):
+    """Return the error (rad/s) without noise to which the mean output in noise would be the small-signal answer.
 
     Parameters
     ----------
     law : FuzzySpeed
     encoder : Encoder
     error : array_like, shape (n,)
-        True errors (rad/s), held while the shaft turns steadily; not 0.
+        True errors (rad/s), held while the shaft turns steadily.
     speed, period : float
         Of the shaft (rad/s), and between readings (s).
     samples : int
@@ -29,16 +30,14 @@ def mean_answer(law, encoder, error, *, speed=60.0, period=1e-4, samples=20_000)
     Returns
     -------
     ndarray, shape (n,)
-        1: as without noise, 0: no answer, below 0: away from the set point.
+        Mean output over 1.5 K_e (rad/s); ``error`` itself for a linear controller. Where it is 0 the controller stands.
 
     Raises
     ------
     ValueError
-        If an error is 0 or a number is out of range.
+        If a number is out of range.
     """
     error = array("error", error, "rad/s")
-    if np.any(error == 0):
-        raise ValueError("error = 0 rad/s: must differ from 0, there is no answer to be in proportion to")
     period, speed = number("period", period, "s", above=0), number("speed", speed, "rad/s")
     samples = number("samples", samples, at_least=100, whole=True)
     settle = int(10 / (encoder.corner * period)) + 1
@@ -46,4 +45,4 @@ def mean_answer(law, encoder, error, *, speed=60.0, period=1e-4, samples=20_000)
     seen = np.array([encoder_speed(eye, speed * period * k, k, period) for k in range(samples + settle)])[settle:]
     noise, change = speed - seen[1:], -np.diff(seen)
     mean = np.array([fuzzy_surface(law.K_e * (one + noise), law.K_de * change).mean() for one in error])
-    return mean / (ORIGIN_SLOPE * law.K_e * error)
+    return mean / (ORIGIN_SLOPE * law.K_e)

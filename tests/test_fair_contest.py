@@ -52,6 +52,7 @@ def test_measures_are_those_of_the_record():
     found = fair.measure(fair.TUNING, fair.reference_law())
     assert found.effort == pytest.approx(np.sqrt(np.mean(run["T_ref"] ** 2)))
     assert found.variation == pytest.approx(np.abs(np.diff(run["T_ref"])).sum() / 2.4)
+    assert found.IAE == pytest.approx(run.error_indices(0.7, 1.6).IAE, rel=1e-3)  # load on at 0.7 s, off at 1.2 s
     rest = (run.t >= 1.5) & (run.t < 1.6)
     line = np.polyval(np.polyfit(run.t[rest] - 1.5, run["T_ref"][rest], 1), run.t[rest] - 1.5)
     own = np.sqrt(np.mean((run["T_ref"][rest] - line) ** 2))
@@ -133,12 +134,21 @@ def test_who_is_missing_is_named():
         fair.tune(fair.contenders()["PI"], budget=0, seed=1)
 
 
-def test_without_noise_the_fuzzy_answer_is_the_small_signal_one_and_noise_takes_it_away():
-    """Δe = 0: slope 1.5 exactly for small e. Noise far larger than e: where signs agree only the larger input counts."""
-    law = FuzzySpeed(1e-4, 0.0, 1.0, "incremental")
-    fine = Encoder(counts=2**40, noise=0.0)
-    assert fuzzy_noise.mean_answer(law, fine, [0.1, -0.2, 1.0], samples=2000) == pytest.approx(1.0, abs=2e-3)
-    noisy = fuzzy_noise.mean_answer(FuzzySpeed(1e-4, 0.01, 1.0, "incremental"), Encoder(), [3.0], samples=5000)
-    assert noisy[0] < 0.8
-    with pytest.raises(ValueError, match="error = 0"):
-        fuzzy_noise.mean_answer(law, Encoder(), [0.0])
+def test_without_noise_the_fuzzy_controller_answers_to_the_error_that_there_is():
+    """Δe = 0: slope 1.5 exactly for small e."""
+    law, errors = FuzzySpeed(1e-4, 0.0, 1.0, "incremental"), [0.1, -0.2, 0.0, 1.0]
+    answered = fuzzy_noise.answered_error(law, Encoder(counts=2**40, noise=0.0), errors, samples=2000)
+    assert answered == pytest.approx(errors, abs=2e-3)
+
+
+def test_noise_far_larger_than_the_error_leaves_half_of_it_and_turns_with_the_shaft():
+    """For signs drawn anew each sample the kink halves the answer; the other way round, the surface being odd, all signs turn."""
+    law = FuzzySpeed(1e-6, 1e-4, 1.0, "incremental")  # far inside the first set
+    coarse = Encoder(counts=500, noise=0.0)
+    at = dict(speed=2 * np.pi / 500 / 1e-4 * 5.5, samples=4000)  # halfway between counts: as symmetric as it gets
+    slope = np.diff(fuzzy_noise.answered_error(law, coarse, [-1.0, 1.0], **at))[0] / 2
+    assert slope == pytest.approx(0.5, abs=0.05)
+    there, back = (fuzzy_noise.answered_error(law, Encoder(noise=0.0), [sign * 2.0], speed=sign * 60.0) for sign in (1, -1))
+    assert there == pytest.approx(-back, abs=0.05)
+    with pytest.raises(ValueError, match="samples"):
+        fuzzy_noise.answered_error(law, coarse, [1.0], samples=10)
