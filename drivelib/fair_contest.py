@@ -19,6 +19,7 @@ from drivelib.speed_law import FuzzySpeed, PiSpeed, WeightedPiSpeed
 from drivelib.tuning import Range
 
 BAND = 0.5  # rad/s, inside which the speed has settled
+UNTUNED = "untuned PI"
 TAIL = 0.2  # share of the time between two events, at its end, that counts as rest
 
 TUNING = DEFAULT_SCENARIO.changed(
@@ -85,25 +86,32 @@ def measure(scenario, law):
         run = simulate(scenario, law)
     except SimulationDiverged:
         return Measures(*[math.inf] * len(Measures._fields))
-    events, T, size = run.events(band=BAND, tail=TAIL), run["T_ref"], np.abs(run["omega_ref"] - run["omega_m"])
+    error, T = run["omega_ref"] - run["omega_m"], np.ascontiguousarray(run["T_ref"])
     loaded = {time for time, _ in scenario.load_torque[1:]}
-    ends = [*(event.time for event in events[1:]), scenario.duration]
-    rest, recovery, iae = [], [], 0.0
-    for event, end in zip(events, ends, strict=True):
-        window = T[np.searchsorted(run.t, end - TAIL * (end - event.time)) : np.searchsorted(run.t, end)]
-        rest.append(_rms_about_line(window))
-        recovery.append(min(event.recovery_time, end - event.time))
-        if event.time in loaded:
-            iae += scenario.period * float(np.sum(size[np.searchsorted(run.t, event.time) : np.searchsorted(run.t, end)]))
+    instants = [*scenario.events, scenario.duration]
+    dips, recovery, rest, steady, iae, unsettled = [], [], [], [], 0.0, 0
+    for start, end in zip(instants[:-1], instants[1:], strict=True):
+        window = slice(*np.searchsorted(run.t, (start - 0.5 * scenario.period, end - 0.5 * scenario.period)))
+        size = np.abs(error[window])
+        outside = np.flatnonzero(size > BAND)
+        after = outside[-1] + 1 if outside.size else 0
+        recovery.append(after * scenario.period)
+        unsettled += after == size.size
+        tail = slice(window.start + math.ceil((1.0 - TAIL) * size.size), window.stop)
+        rest.append(_rms_about_line(T[tail]))
+        steady.append(abs(float(np.mean(error[tail]))))
+        if start in loaded:
+            dips.append(float(size.max()))
+            iae += scenario.period * float(size.sum())
     return Measures(
-        dip=max(abs(event.peak) for event in events if event.time in loaded),
+        dip=max(dips),
         settling=float(np.mean(recovery)),
         effort=float(np.sqrt(np.mean(T**2))),
         ripple=max(rest),
-        steady=max(abs(event.steady_error) for event in events),
+        steady=max(steady),
         variation=float(np.sum(np.abs(np.diff(T))) / scenario.duration),
         IAE=iae,
-        unsettled=float(sum(not math.isfinite(event.recovery_time) for event in events)),
+        unsettled=float(unsettled),
     )
 
 
@@ -238,7 +246,7 @@ def play(contenders, *, scenario=TUNING, cycles=None, budget, seed, weights=(1.0
 
 def chosen(found, contenders, *, scenario=None, cycles=None, weights=(1.0, 1.0, 1.0, 1.0)):
     """Return the `Round` of the best of what was ``found``; with ``scenario`` the best by other ``weights`` there."""
-    laws = {"untuned PI": reference_law()}
+    laws = {UNTUNED: reference_law()}
     for name, own in found.items():
         pick = own.best
         if scenario is not None:
@@ -262,6 +270,6 @@ def scored(laws, scenarios, weights=(1.0, 1.0, 1.0, 1.0)):
     missing = [name for name, law in laws.items() if law is None]
     if missing or not laws or not scenarios:
         raise ValueError(f"no controller {missing[0]!r} was given" if missing else "laws or scenarios is empty: there is nothing to score")
-    units = {key: measure(scenario, reference_law()) for key, scenario in scenarios.items()}
     measures = {name: {key: measure(scenario, law) for key, scenario in scenarios.items()} for name, law in laws.items()}
+    units = measures.get(UNTUNED) or {key: measure(scenario, reference_law()) for key, scenario in scenarios.items()}
     return measures, {name: {key: score(found, units[key], weights) for key, found in own.items()} for name, own in measures.items()}

@@ -26,7 +26,7 @@ def test_all_meet_the_same_conditions():
 
 
 def test_every_motor_has_arrived_before_its_rest_is_measured():
-    """At the torque limit the heaviest motor covers each step of the set point before the last fifth of its time."""
+    """At the torque limit the heaviest motor covers each step of the set point 0.3 s before the last fifth of its time."""
     for scenario in fair.conditions().values():
         ends = [*scenario.events[1:], scenario.duration]
         before = 0.0
@@ -34,7 +34,7 @@ def test_every_motor_has_arrived_before_its_rest_is_measured():
             end = next(end for end in ends if end > time)
             load = next(T for t, T in reversed(scenario.load_torque) if t <= time)
             least = abs(value - before) * scenario.machine.J / (scenario.T_limit - abs(load))
-            assert least < (1 - fair.TAIL) * (end - time), (scenario.name, time)
+            assert least + 0.3 < (1 - fair.TAIL) * (end - time), (scenario.name, time)
             before = value
 
 
@@ -50,6 +50,10 @@ def test_a_proportional_controller_is_measured_as_its_algebra_says():
 def test_measures_are_those_of_the_record():
     run = simulate(fair.TUNING, fair.reference_law())
     found = fair.measure(fair.TUNING, fair.reference_law())
+    events = run.events(band=fair.BAND, tail=fair.TAIL)
+    assert found.dip == max(abs(event.peak) for event in events if event.time in (0.7, 1.2))
+    assert found.settling == pytest.approx(np.mean([event.recovery_time for event in events]), abs=1e-4)
+    assert found.steady == pytest.approx(max(abs(event.steady_error) for event in events), rel=1e-6)
     assert found.effort == pytest.approx(np.sqrt(np.mean(run["T_ref"] ** 2)))
     assert found.variation == pytest.approx(np.abs(np.diff(run["T_ref"])).sum() / 2.4)
     assert found.IAE == pytest.approx(run.error_indices(0.7, 1.6).IAE, rel=1e-3)  # load on at 0.7 s, off at 1.2 s
