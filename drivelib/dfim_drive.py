@@ -13,6 +13,7 @@ from drivelib.dfim_control import DriveSettings
 from drivelib.dfim_decoupling import current_references, leakage_inductances
 from drivelib.dfim_loop import CHANNELS, LIMITS, STATES, empty_record, run_drive
 from drivelib.dfim_scenario import DEFAULT_SCENARIO, FLUX_ESTIMATORS, Scenario
+from drivelib.encoder import sensor
 from drivelib.speed_law import PiSpeed
 from drivelib.validation import nearest, number
 
@@ -128,7 +129,7 @@ def simulate(scenario=DEFAULT_SCENARIO, speed=None, *, every=1, window=None):
     Parameters
     ----------
     scenario : Scenario
-    speed : PiSpeed, FuzzySpeed or NetworkSpeed, optional
+    speed : PiSpeed, WeightedPiSpeed, FuzzySpeed or NetworkSpeed, optional
         Speed controller; by default the PI of the scenario's ω_n and ξ.
     every : int
         Record each such sample; 0 records none, and leaves indices, limits and final state.
@@ -167,6 +168,7 @@ def simulate(scenario=DEFAULT_SCENARIO, speed=None, *, every=1, window=None):
     failed = run_drive(
         steps, x, dfim.coefficients(scenario.machine), drive_settings(scenario), speed.law(),
         changes, profiles, (first, last), every, record, indices, hits,
+        sensor(scenario.encoder, steps + 1, h),
     )  # fmt: skip
     state = dict(zip(STATES, x.tolist(), strict=True))
     if failed >= 0:

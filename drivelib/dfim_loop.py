@@ -19,8 +19,9 @@ from numba import njit
 from drivelib import metrics
 from drivelib.dfim_control import control_sample
 from drivelib.dfim_plant import averaged_period, turn
+from drivelib.encoder import encoder_speed
 from drivelib.pwm import switched_period
-from drivelib.speed_law import speed_command
+from drivelib.speed_law import WEIGHTED, speed_command, weighted_command
 
 _interval_indices = njit(cache=True, nogil=True, error_model="numpy")(metrics.interval_indices)
 
@@ -38,7 +39,7 @@ CURRENT_MODEL, ROTOR_VOLTAGE_MODEL = range(2)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, record, indices, hits):
+def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, record, indices, hits, sensor):
     """Run the drive for ``steps`` control periods; all results go into the arrays that are passed.
 
     Parameters
@@ -65,6 +66,8 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
         at a sample (rad/s) where that is larger.
     hits : int array, shape (5,)
         First sample at which each of LIMITS was hit, −1 where none was.
+    sensor : Sensor
+        What the controller sees the speed with; indices and record hold the true speed.
 
     Returns
     -------
@@ -96,9 +99,13 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
             hat_d, hat_q = model_d, model_q
 
         # Speed controller, then everything behind it
-        e = omega_ref - omega_m
-        T_ref, T_asked, memory_next = speed_command(speed, e, e_previous, memory, T_previous, s.T_limit, h)
-        c = control_sample(i_sd, i_sq, i_rd, i_rq, hat_d, hat_q, omega_m, T_ref, u_sd, u_sq, u_rd, u_rq, s)
+        omega = omega_m if sensor.counts == 0.0 else encoder_speed(sensor, theta_m, k, h)
+        e = omega_ref - omega
+        if speed.kind == WEIGHTED:
+            T_ref, T_asked, memory_next = weighted_command(speed, omega_ref, omega, memory, T_previous, s.T_limit, h, sensor.state)
+        else:
+            T_ref, T_asked, memory_next = speed_command(speed, e, e_previous, memory, T_previous, s.T_limit, h)
+        c = control_sample(i_sd, i_sq, i_rd, i_rq, hat_d, hat_q, omega, T_ref, u_sd, u_sq, u_rd, u_rq, s)
         v_sd, v_sq, v_rd, v_rq, omega_s, omega_r = c.v_sd, c.v_sq, c.v_rd, c.v_rq, c.omega_s, c.omega_r
 
         if every > 0 and k % every == 0:
@@ -157,11 +164,11 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
             hat_q += -0.5 * h * s.R_r * end_rq + h * s.corner * (end_q - hat_q)
 
         if window[0] <= k < window[1]:
-            more = _interval_indices((k - window[0]) * h, h, e, omega_ref - omega_m)
+            more = _interval_indices((k - window[0]) * h, h, omega_ref - before, omega_ref - omega_m)
             iae += more[0]
             ise += more[1]
             itae += more[2]
-            peak = max(peak, abs(e))
+            peak = max(peak, abs(omega_ref - before))
         if not (abs(omega_m) < speed_bound and abs(phi_rd) + abs(phi_rq) + abs(phi_sd) + abs(phi_sq) < flux_bound):
             _keep(x, phi_sd, phi_sq, phi_rd, phi_rq, omega_m, theta_m, theta_s)
             return k + 1

@@ -83,7 +83,7 @@ def block(drives, window=None):
     groups = {}
     for k, (scenario, speed) in enumerate(drives):
         suits = speed is None or isinstance(speed, PiSpeed)
-        suits &= scenario.inverter == "averaged" and scenario.substeps == 1 and scenario.flux_estimator == "current model"
+        suits &= scenario.inverter == "averaged" and scenario.substeps == 1 and scenario.flux_estimator == "current model" and scenario.encoder is None
         groups.setdefault(scenario.steps if suits else None, []).append(k)
     alone = groups.pop(None, [])
     for members in groups.values():

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from drivelib import control
 from drivelib.dfim_machines import DFIM_4KW, DfimParameters
+from drivelib.encoder import Encoder
 from drivelib.machines import Origin, ParameterSet
 from drivelib.profiles import profile
 from drivelib.validation import choice, number
@@ -42,7 +43,7 @@ _CHOICES = {
     "start": STARTS,
 }
 _PROFILES = {"speed_reference": "rad/s", "load_torque": "N m", "rotor_resistance": "1"}
-_UNITS = MappingProxyType({"machine": "", **SCENARIO_UNITS, **dict.fromkeys(_CHOICES, ""), **_PROFILES})
+_UNITS = MappingProxyType({"machine": "", "encoder": "", **SCENARIO_UNITS, **dict.fromkeys(_CHOICES, ""), **_PROFILES})
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,8 @@ class Scenario(ParameterSet):
         controller does not learn. Each starts at 0 s and takes effect at the first sample at or after its time.
     start : {"magnetised", "at rest"}
         Standing still with the rotor flux at its reference, or with no current at all.
+    encoder : Encoder, optional
+        What the controller measures the speed with; by default it knows the speed exactly.
     origins : mapping of str to Origin
         Where each value comes from.
 
@@ -122,6 +125,7 @@ class Scenario(ParameterSet):
     load_torque: tuple = ((0.0, 0.0), (1.5, 25.0), (2.0, 0.0), (4.5, 25.0), (5.0, 0.0), (7.0, 25.0), (7.5, 0.0))
     rotor_resistance: tuple = ((0.0, 1.0),)
     start: str = "magnetised"
+    encoder: Encoder | None = None
     origins: MappingProxyType = field(default_factory=dict, compare=False, repr=False)
 
     def __post_init__(self):
@@ -129,6 +133,8 @@ class Scenario(ParameterSet):
             bound = {} if parameter == "omega_r_constant" else {"at_least": 0} if parameter in _MAY_VANISH else {"above": 0}
             object.__setattr__(self, parameter, number(parameter, getattr(self, parameter), unit, **bound))
         object.__setattr__(self, "substeps", number("substeps", self.substeps, at_least=1, whole=True))
+        if not isinstance(self.encoder, Encoder | None):
+            raise ValueError(f"encoder = {self.encoder!r}: must be an Encoder or None")
         for parameter, allowed in _CHOICES.items():
             choice(parameter, getattr(self, parameter), allowed)
         for machine in (self.machine, self.known_machine):
@@ -190,6 +196,7 @@ DEFAULT_SCENARIO = Scenario(
         "carrier_frequency": Origin("assumed", "an edge per sample; the public model has 1000 Hz", 1000.0, 10000.0),
         "period": Origin("assumed", "10 kHz", 5e-5, 5e-4),
         "duration": Origin("assumed", "long enough for both reversals and three load steps"),
+        "encoder": Origin("assumed", "none: the paper's measured speed is called that and no more"),
         "start": Origin("assumed", "the paper's figures start the speed at once"),
         "speed_reference": Origin("printed", "150, −150, 30 rad/s; the instants are assumed"),
         "load_torque": Origin("assumed", "rated torque on and off at each speed: the paper says cyclic"),

@@ -2,7 +2,8 @@
 
 Five kinds share one compiled function: PI, fuzzy in position and in incremental form (Zidani, eq. 21–24
 and its prose), a static network as torque and as torque per sample. The fuzzy rule base is
-``drivelib.fuzzy.fuzzy_output``, imported below and nowhere else in the drive.
+``drivelib.fuzzy.fuzzy_output``, imported below and nowhere else in the drive. A sixth, the PI with set-point weight
+and load observer, needs more than the error and has a function of its own.
 """
 
 import math
@@ -16,7 +17,7 @@ from drivelib import control
 from drivelib.fuzzy import fuzzy_output
 from drivelib.validation import array, choice, number
 
-PI, FUZZY_POSITION, FUZZY_INCREMENTAL, NETWORK, NETWORK_INCREMENTAL = range(5)
+PI, FUZZY_POSITION, FUZZY_INCREMENTAL, NETWORK, NETWORK_INCREMENTAL, WEIGHTED = range(6)
 TANH, LOGISTIC = range(2)
 ACTIVATIONS = {"tanh": TANH, "logistic": LOGISTIC}
 
@@ -39,16 +40,20 @@ class SpeedLaw(NamedTuple):
     W2: np.ndarray
     B2: float
     activation: int
+    weight: float
+    pole: float
+    J: float
 
 
-def _law(kind, K_p=0.0, K_i=0.0, K_e=0.0, K_de=0.0, K_u=0.0, W1=None, B1=None, W2=None, B2=0.0, activation=TANH):
+def _law(kind, K_p=0.0, K_i=0.0, K_e=0.0, K_de=0.0, K_u=0.0, W1=None, B1=None, W2=None, B2=0.0, activation=TANH, weight=1.0, pole=1.0, J=1.0):
     def vector(value):
         return np.zeros(0) if value is None else np.ascontiguousarray(value, dtype=float)
 
     matrix = np.zeros((0, 0)) if W1 is None else np.ascontiguousarray(W1, dtype=float)
     return SpeedLaw(
-        kind, float(K_p), float(K_i), float(K_e), float(K_de), float(K_u), matrix, vector(B1), vector(W2), float(B2), activation
-    )
+        kind, float(K_p), float(K_i), float(K_e), float(K_de), float(K_u), matrix, vector(B1), vector(W2), float(B2), activation,
+        float(weight), float(pole), float(J),
+    )  # fmt: skip
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -120,6 +125,40 @@ def speed_command(law, e, e_previous, memory, T_previous, T_limit, period):
     return _rule_or_network(law, e, e_previous, memory, T_previous, T_limit, period)
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def weighted_command(law, omega_ref, omega, memory, T_previous, T_limit, period, state):
+    """Return what ``speed_command`` does, of a PI controller with set-point weight and load-torque observer.
+
+    Parameters
+    ----------
+    law : SpeedLaw
+        ``weight`` b of the set point in the proportional part; ``pole``: both poles of the observer in the plane of z,
+        1 for none; ``J`` (kg m²) the inertia that it knows.
+    omega_ref, omega : float
+        Set point and measured speed (rad/s).
+    memory, T_previous, T_limit, period : float
+        As for ``speed_command``.
+    state : array
+        The observer's speed (rad/s) in element 2 and the torque on the shaft besides the motor's (N m) in element 3.
+
+    Notes
+    -----
+    T* = K_p (b Ω* − Ω̂) + ∫K_i (Ω* − Ω) dt − T̂. With the torque as realised, ω̂ = ω̂ + h/J (T + T̂) predicts;
+    the prediction's error corrects ω̂ by 1 − z² and T̂ by J/h (1 − z)² of itself, which puts both poles at z.
+    """
+    load = 0.0
+    seen = omega
+    if law.pole < 1.0:
+        predicted = state[2] + period / law.J * (T_previous + state[3])
+        error = omega - predicted
+        state[2] = predicted + (1.0 - law.pole * law.pole) * error
+        state[3] += law.J / period * (1.0 - law.pole) ** 2 * error
+        seen, load = state[2], state[3]
+    asked = law.K_p * (law.weight * omega_ref - seen) + memory - load
+    torque = _clip(asked, T_limit)
+    return torque, asked, _pi_integral(memory, omega_ref - omega, asked, torque, law.K_i, law.K_i / law.K_p, period)
+
+
 @dataclass(frozen=True)
 class PiSpeed:
     """PI controller with torque output and back-calculation: gains in N m s/rad and N m/rad (``control.speed_gains``)."""
@@ -133,6 +172,43 @@ class PiSpeed:
 
     def law(self):
         return _law(PI, K_p=self.K_p, K_i=self.K_i)
+
+
+@dataclass(frozen=True)
+class WeightedPiSpeed:
+    """PI controller with set-point weight and load-torque observer.
+
+    Parameters
+    ----------
+    K_p, K_i : float
+        Gains (N m s/rad, N m/rad), as of ``PiSpeed``.
+    weight : float
+        Of the set point in the proportional part, 0 to 1; 0 is the IP controller.
+    pole : float
+        exp(−ω_o T_s) of the observer's double pole, above 0; 1 for no observer.
+    J : float
+        Inertia that the observer knows (kg m²).
+
+    References
+    ----------
+    K. J. Åström and T. Hägglund, Advanced PID Control, ISA 2006, sec. 3.4 (set-point weighting).
+    """
+
+    K_p: float
+    K_i: float
+    weight: float = 1.0
+    pole: float = 1.0
+    J: float = 1.0
+
+    def __post_init__(self):
+        number("K_p", self.K_p, "N m s/rad", above=0)
+        number("K_i", self.K_i, "N m/rad", at_least=0)
+        number("weight", self.weight, at_least=0, at_most=1)
+        number("pole", self.pole, above=0, at_most=1)
+        number("J", self.J, "kg m²", above=0)
+
+    def law(self):
+        return _law(WEIGHTED, K_p=self.K_p, K_i=self.K_i, weight=self.weight, pole=self.pole, J=self.J)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from drivelib.dfim_drive import drive_settings, initial_state, schedule, simulat
 from drivelib.dfim_loop import STATES, empty_record, run_drive
 from drivelib.dfim_machines import DFIM_SETS
 from drivelib.dfim_scenario import DEFAULT_SCENARIO, Scenario
+from drivelib.encoder import sensor
 from drivelib.speed_law import NetworkSpeed, PiSpeed
 
 SHORT = DEFAULT_SCENARIO.changed(
@@ -77,7 +78,7 @@ def test_integrators_set_against_each_other_unwind():
     record = empty_record(scenario.steps, 1)
     failed = run_drive(
         scenario.steps, x, dfim.coefficients(scenario.machine), drive_settings(scenario), speed, changes, profiles,
-        (0, 1), 1, record, np.zeros(4), np.full(5, -1),
+        (0, 1), 1, record, np.zeros(4), np.full(5, -1), sensor(None, 0, scenario.period),
     )  # fmt: skip
     assert failed == -1
     q = free.channels.index("phi_rq")

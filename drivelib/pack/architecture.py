@@ -30,7 +30,8 @@ LAYERS = (
         "PI controllers by pole placement, the Mamdani controller in closed form, networks and their training.",
         (
             "control", "fuzzy", "fuzzy_facts", "fuzzy_reference", "fuzzy_sets", "neural", "levenberg", "training", "networks",
-            "speed_law", "pmsm_law", "loss_map", "fixed_point", "export_c", "dfim_map", "export_c_dfim", "levenberg_one",
+            "speed_law", "pmsm_law", "loss_map", "fixed_point", "export_c", "dfim_map", "export_c_dfim", "levenberg_one", "encoder",
+            "fuzzy_noise", "operations", "map_rivals",
         ),
     ),
     Layer(
@@ -40,7 +41,8 @@ LAYERS = (
             "dfim_plant", "pwm", "dfim_control", "dfim_loop", "dfim_lanes", "dfim_many", "ensemble", "shards", "space",
             "dfim_scenario", "dfim_drive", "pmsm_plant", "pmsm_scenario", "pmsm_loop", "pmsm_drive", "ann_data", "contest",
             "table2_fit", "misprints_drive", "robustness", "robustness_steady", "robustness_ipmsm", "robustness_spmsm",
-            "robustness_dfim", "robustness_ann", "robustness_contest", "robustness_scope",
+            "robustness_dfim", "robustness_ann", "robustness_contest", "robustness_scope", "tuning", "fair_networks",
+            "fair_contest",
         ),
     ),
     Layer(

@@ -15,6 +15,7 @@ from drivelib import dfim, dfim_drive, dfim_many, environment
 from drivelib.dfim_lanes import LANES
 from drivelib.dfim_loop import LIMITS, empty_record, run_drive
 from drivelib.dfim_scenario import DEFAULT_SCENARIO
+from drivelib.encoder import sensor
 from drivelib.speed_law import FuzzySpeed, NetworkSpeed, PiSpeed
 
 DRIVE = DEFAULT_SCENARIO.changed(
@@ -39,10 +40,11 @@ def loop(scenario, speed=None):
     start, record = dfim_drive.initial_state(scenario), empty_record(scenario.steps, 0)
     plant, settings = dfim.coefficients(scenario.machine), dfim_drive.drive_settings(scenario)
     changes, profiles = dfim_drive.schedule(scenario)
+    exact = sensor(None, 0, scenario.period)
 
     def run():
         hits = np.full(len(LIMITS), -1, dtype=np.int64)
-        run_drive(scenario.steps, start.copy(), plant, settings, law, changes, profiles, (0, scenario.steps), 0, record, np.zeros(4), hits)
+        run_drive(scenario.steps, start.copy(), plant, settings, law, changes, profiles, (0, scenario.steps), 0, record, np.zeros(4), hits, exact)
 
     return run
 
