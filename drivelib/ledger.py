@@ -148,6 +148,16 @@ def judge(claim, ours=None, *, as_printed=None, alternatives=None, fit=None, not
     ------
     ValueError
         If a number is missing for a claim that needs one.
+
+    Examples
+    --------
+    A printed 118.9 W is met by what rounds to it, and a fit to it is called a fit:
+
+    >>> claim = Claim("p/loss", "p/fig", "fig. 8", "The least loss.", "matches", "W", printed="118.9", tolerance=half_last_digit("118.9"))
+    >>> judge(claim, 118.93).verdict, judge(claim, 118.96).verdict
+    ('reproduced', 'contradicted')
+    >>> judge(claim, 118.90, fit=(1, 1)).verdict
+    'matched by a fit'
     """
     if claim.omitted:
         return Judgement(claim, NOT_CHECKABLE, ours, window="omitted: " + "; ".join(claim.omitted), note=note)
@@ -267,7 +277,13 @@ def _claim(entry, where, paper, items):
 
 
 def half_last_digit(printed):
-    """Return half a unit of the last digit of a printed number: 0.05 for "118.9"."""
+    """Return half a unit of the last digit of a printed number: 0.05 for "118.9".
+
+    Examples
+    --------
+    >>> half_last_digit("118.9"), half_last_digit("0.5265"), half_last_digit("12")
+    (0.05, 5e-05, 0.5)
+    """
     return float(Decimal(5).scaleb(Decimal(printed).as_tuple().exponent - 1))
 
 

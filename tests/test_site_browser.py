@@ -123,7 +123,7 @@ def test_the_search_finds_the_figure_of_the_inverter_angle(tab):
     assert any("fig16_inverter_angle.html" in link for link in first)
     assert tab.complaints() == []
     tab.evaluate("document.querySelector('#search-results a[href*=fig16_inverter_angle]').click()")
-    tab.until("location.href.includes('/notebooks/') && document.querySelector('h1')")
+    tab.until("location.href.includes('/notebooks/eskander/fig16_inverter_angle') && document.querySelector('h1') !== null")
 
 
 def test_the_gallery_filters_and_the_address_keeps_the_filter(tab):
