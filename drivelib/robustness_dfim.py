@@ -15,6 +15,7 @@ from drivelib.dfim_drive import SimulationDiverged, drive_settings, initial_stat
 from drivelib.dfim_loop import CHANNELS, LIMITS, STATES, empty_record, run_drive
 from drivelib.dfim_machines import DFIM_SETS
 from drivelib.dfim_scenario import DEFAULT_SCENARIO, FLUX_ESTIMATORS, Scenario
+from drivelib.encoder import sensor
 from drivelib.robustness import DIVERGED, NETWORK, Study
 from drivelib.space import Space, Span, open_values
 from drivelib.speed_law import PiSpeed
@@ -157,7 +158,8 @@ def go_on(drive, law, x, profiles, *, inverter="averaged"):
     x, record, indices = x.copy(), empty_record(steps, 1), np.zeros(4)
     hits = np.full(len(LIMITS), -1, dtype=np.int64)
     changes = np.append(changes, steps + 2)
-    failed = run_drive(steps, x, drive.plant, settings, law, changes, values, (0, steps), 1, record, indices, hits)
+    exact = sensor(None, 0, scenario.period)
+    failed = run_drive(steps, x, drive.plant, settings, law, changes, values, (0, steps), 1, record, indices, hits, exact)
     if failed >= 0:
         raise SimulationDiverged(scenario, failed * scenario.period, dict(zip(STATES, x.tolist(), strict=True)))
     return Part(record, metrics.ErrorIndices(*indices[:3].tolist(), steps * scenario.period), x)
