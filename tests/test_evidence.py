@@ -129,6 +129,8 @@ def test_the_readme_begins_with_five_headlines():
 
 def test_an_item_names_the_equations_of_its_claims():
     for claim in CLAIMS.values():
+        if claim.item.startswith("beyond/"):
+            continue  # of no paper
         named = ledger.papers()[claim.item.split("/")[0]].items[claim.item].equations
         spans = [part.split("–") for part in named.split(", ") if part]
         known = {number for span in spans for number in range(int(span[0]), int(span[-1]) + 1)}
