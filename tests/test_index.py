@@ -74,6 +74,14 @@ def test_the_check_runs_it_last_and_sees_when_its_committed_text_is_old(indexed)
     assert "differs: notebooks/index.ipynb" in done.stdout
 
 
+def test_a_changed_finding_makes_it_stale_and_nothing_else(indexed):
+    indexed.run("reproduce")
+    path = indexed.root / "drivelib" / "papers" / "mini.toml"
+    path.write_text('findings = ["It rises."]\n' + path.read_text())
+    out = indexed.run("status").stdout
+    assert "index: stale: findings changed" in out and out.count("fresh") == 2
+
+
 def test_it_does_not_run_when_an_item_failed(indexed):
     indexed.write_cells("fig01_line", ["slope = 2.0", "raise RuntimeError('broken')"])
     done = indexed.run("reproduce")

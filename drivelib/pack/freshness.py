@@ -27,6 +27,8 @@ def _parts(item, modules, seen):
     content = notebook.read(paths.notebook(item.id))
     claims = [asdict(claim) for claim in ledger.claims_of(item.id).values()]
     found = {"cells and parameters": notebook.digest(content), "claims": _digest(json.dumps(claims).encode())}
+    if item.id == ledger.INDEX:
+        found["findings"] = _digest(json.dumps([[paper.headlines, paper.findings] for paper in ledger.papers().values()]).encode())
     files = {f"drivelib/{module}": PACKAGE / module for module in (closure(notebook.code(content)) if modules is None else modules)}
     files |= {f"numbers of {needed}": paths.figure(needed, "json") for needed in item.needs}
     files["environment.lock"] = paths.root() / "environment.lock"

@@ -73,7 +73,7 @@ def _items(paper, rows):
     for item in paper.items.values():
         mine = [row for row in rows if row[0].item == item.id]
         counts = {verdict: sum(row[2] == verdict for row in mine) for verdict in VERDICTS}
-        verdicts = ", ".join(f"{count} {'**' * (name in FAILED)}{name}{'**' * (name in FAILED)}" for name, count in counts.items() if count)
+        verdicts = "<br>".join(f"{count} {'**' * (name in FAILED)}{name}{'**' * (name in FAILED)}" for name, count in counts.items() if count)
         link = f"notebooks/{item.id}.ipynb"
         picture = f'<a href="{link}"><img src="figures/{item.id}.png" width="160" alt="{escape(item.title)}"></a>'
         yield f"| {picture} | [{table_cell(item.title)}]({link}) | {verdicts} | {_worst(mine)} | {item.equations} |"
