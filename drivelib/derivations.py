@@ -43,10 +43,7 @@ def equation(name):
     ValueError
         If there is none; the nearest is suggested.
     """
-    equations = eskander()
-    if name not in equations:
-        raise ValueError(f"{name!r} is no derived equation of Eskander 2002{nearest(name, equations)}")
-    return equations[name]
+    return symbolic.named(eskander(), name, "Eskander 2002")
 
 
 def evidence(name):

@@ -56,10 +56,7 @@ def equation(name):
     ValueError
         If there is none; the nearest is suggested.
     """
-    equations = zidani()
-    if name not in equations:
-        raise ValueError(f"{name!r} is no derived equation of Zidani{nearest(name, equations)}")
-    return equations[name]
+    return symbolic.named(zidani(), name, "Zidani")
 
 
 def evidence(name, machine=DFIM_4KW):

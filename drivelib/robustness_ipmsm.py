@@ -8,6 +8,7 @@ import numpy as np
 
 from drivelib import networks, pmsm, pmsm_optimum
 from drivelib.levenberg_one import fit
+from drivelib.machines import IPMSM
 from drivelib.pmsm_drive import SimulationDiverged, simulate
 from drivelib.pmsm_scenario import TUNING, Scenario
 from drivelib.robustness import DIVERGED, NETWORK, REACH, Study
@@ -32,7 +33,7 @@ def tuning(name):
 
 def loops_fit(values):
     """Return whether gains, sample time and model go together, as ``pmsm_scenario.Scenario`` asks it."""
-    most = 0.9 * (values["R_c_ipmsm"] + 4.3) / 0.067 if values["model"] == "simplified" else np.inf
+    most = 0.9 * (values["R_c_ipmsm"] + IPMSM.R_s) / IPMSM.L_q if values["model"] == "simplified" else np.inf
     fast = values["current_bandwidth"]
     return fast * values["period"] <= 0.5 and fast <= most and values["torque_bandwidth"] <= fast
 

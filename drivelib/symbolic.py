@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 
 import sympy as sp
 
+from drivelib.validation import nearest
+
 EXACT = 1e-12
 
 
@@ -85,3 +87,16 @@ def is_homogeneous(expression, dimension, point, dimensions):
         if plain and not abs(rescaled - plain * factor) < abs(plain * factor) * sp.Float("1e-20"):
             return False
     return True
+
+
+def named(equations, name, paper):
+    """Return one of a paper's derived equations, {name: `Equation`}.
+
+    Raises
+    ------
+    ValueError
+        If there is none of that name; the nearest is suggested.
+    """
+    if name not in equations:
+        raise ValueError(f"{name!r} is no derived equation of {paper}{nearest(name, equations)}")
+    return equations[name]
