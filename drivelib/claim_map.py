@@ -86,7 +86,7 @@ def _name(item):
 def _square(axis, x, y, verdict):
     letter, colour = LOOKS[verdict]
     axis.add_patch(Rectangle((x + 0.04, y + 0.04), 0.92, 0.92, facecolor=colour, edgecolor=plotting.GREY, linewidth=0.6))
-    axis.text(x + 0.5, y + 0.52, letter, ha="center", va="center", fontsize=8.5, color="white" if verdict in DARK else "black")
+    axis.text(x + 0.5, y + 0.52, letter, ha="center", va="center", fontsize=9.5, color="white" if verdict in DARK else "black")
 
 
 def _key(figure):

@@ -40,7 +40,7 @@ def fuzzy_loop(scenario, e_max=contest.E_MAX):
     speed.set(ylabel="speed (rad/s)", xlim=(0, CYCLE["duration"]), ylim=(0, 1.4 * reference))
     torque.set(xlabel="time (s)", ylabel="torque (N·m)", xlim=(0, CYCLE["duration"]), ylim=(-1.1 * scenario.T_limit, 1.1 * scenario.T_limit))
     inset.set(xlim=(LOADED[0] - 0.05, CYCLE["duration"]))
-    inset.tick_params(labelsize=8)
+    inset.tick_params(labelsize=9)
     torque.legend(loc="lower left", ncols=2)
 
     def update(K_e, K_de, K_u, load):

@@ -175,13 +175,14 @@ def _draw_signal(axes, blocks, signal):
     axes.plot(xs, ys, color=INK, lw=1.3, linestyle="-", solid_joinstyle="miter")
     axes.annotate("", points[-1], points[-2], arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.3, "shrinkA": 0, "shrinkB": 0})
     if signal.label:
-        x, y = signal.at or ((xs[0] + xs[1]) / 2, (ys[0] + ys[1]) / 2 + 0.3)
-        axes.text(x, y, signal.label, ha="center", va="center", fontsize=11)
+        x, y = signal.at or ((xs[0] + xs[1]) / 2, (ys[0] + ys[1]) / 2)
+        clear = {"xytext": (0, 0 if signal.at else 10), "textcoords": "offset points"}  # off the wire, at any scale
+        axes.annotate(signal.label, (x, y), ha="center", va="center", fontsize=11, **clear)
     if blocks[signal.end].kind == "sum":
         dx, dy = points[-2][0] - points[-1][0], points[-2][1] - points[-1][1]
         length = (dx**2 + dy**2) ** 0.5
-        x, y = points[-1][0] + 0.18 * dx / length - 0.16 * dy / length, points[-1][1] + 0.18 * dy / length + 0.16 * dx / length
-        axes.text(x, y, "+" if signal.sign > 0 else "−", ha="center", va="center", fontsize=12)
+        beside = (5 * dx / length - 6.5 * dy / length, 5 * dy / length + 6.5 * dx / length)  # clear of wire and circle at any scale
+        axes.annotate("+" if signal.sign > 0 else "−", points[-1], xytext=beside, textcoords="offset points", ha="center", va="center", fontsize=11)
 
 
 def _end(block, towards):

@@ -45,13 +45,13 @@ def draw_network(axis, network, *, input_label, output_label, unit=""):
     for height, k in zip(heights, order, strict=True):
         _weight(axis, (0.0, 0.0), (1.0, height), network.W1[k, 0], np.abs(network.W1).max())
         _weight(axis, (1.0, height), (2.0, 0.0), network.W2[0, k], np.abs(network.W2).max())
-        axis.text(1.0, height, f"{at[k]:.3g}".replace("-", "−"), ha="center", va="center", fontsize=8.5, zorder=4, bbox=NODE)
+        axis.text(1.0, height, f"{at[k]:.3g}".replace("-", "−"), ha="center", va="center", fontsize=9.5, zorder=4, bbox=NODE)
     axis.plot([0, 2], [0, 0], "o", color=COLOURS[0], markersize=13, markerfacecolor="white", zorder=3)
     axis.text(0.0, 0.12, input_label, ha="center", va="bottom", fontsize=11)
     axis.text(2.0, 0.12, output_label, ha="center", va="bottom", fontsize=11)
-    axis.text(1.0, 1.16, f"bends at{f' [{unit}]' if unit else ''}", ha="center", va="bottom", fontsize=9)
+    axis.text(1.0, 1.16, f"bends at{f' ({unit})' if unit else ''}", ha="center", va="bottom", fontsize=10)
     keys = [Line2D([], [], color=colour, linestyle=dash, lw=2, label=text) for (colour, dash), text in ((POSITIVE, "weight > 0"), (NEGATIVE, "weight < 0"))]
-    axis.legend(handles=keys, loc="lower center", bbox_to_anchor=(0.5, -0.16), ncols=2, fontsize=9)
+    axis.legend(handles=keys, loc="lower center", bbox_to_anchor=(0.5, -0.16), ncols=2, fontsize=10)
     axis.set(xlim=(-0.35, 2.35), ylim=(-1.1, 1.25))
     axis.axis("off")
     return order
