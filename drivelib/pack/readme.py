@@ -8,6 +8,7 @@ from drivelib.record import table_cell, write_atomically
 
 BEGIN, END = "<!-- verdicts: begin (rendered by `python -m drivelib reproduce`) -->", "<!-- verdicts: end -->"
 FAILED = (ledger.NOT_REPRODUCED, ledger.CONTRADICTED, ledger.NOT_CHECKABLE)
+EXACT = 1e-9  # a claim whose largest allowed deviation is no more asks for an identity
 VERDICTS = (*ledger.VERDICTS, report.OPEN)
 
 
@@ -65,6 +66,9 @@ def _counts(papers, of):
         counts = [sum(row[2] == verdict for row in of[paper.id]) for paper in papers]
         if any(counts):
             yield f"| {verdict} | " + " | ".join(map(str, counts)) + " |"
+        if verdict == ledger.ASSUMED and any(counts):
+            elsewhere = [sum(row[2] == verdict and not row[0].holds(row[1]["ours"]) for row in of[paper.id]) for paper in papers]
+            yield "| – of these not with our default assumptions | " + " | ".join(map(str, elsewhere)) + " |"
 
 
 def _items(paper, rows):
@@ -80,23 +84,27 @@ def _items(paper, rows):
 
 
 def _worst(rows):
-    used = [(report.usage(claim, result), claim, result) for claim, result, _ in rows if report.usage(claim, result) is not None]
+    used = [(usage, row) for row in rows if (usage := report.usage(*row[:2])) is not None]
     if not used:
         return ""
-    _, claim, result = max(used, key=lambda entry: entry[0])
-    return table_cell(f"`{_short(claim.id)}`: {report.ours(claim, result)}, asked {report.asked(claim)}")
+    _, (claim, result, verdict) = max(used, key=lambda entry: entry[0])
+    if claim.holds(result["ours"]) and claim.allowed[1] <= EXACT:
+        return "exact"
+    cases = report.in_words(claim, result, verdict).removeprefix(verdict).replace(": ", "; ", 1)
+    return table_cell(f"`{_short(claim.id)}`: {report.ours(claim, result)}, asked {report.asked(claim)}{cases}")
 
 
 def _why(paper, claim, result, verdict):
-    number = report.ours(claim, result)
-    measured = f"{claim.measure}: {number}, asked {report.asked(claim)}. " if number else ""
+    number, asked = report.ours(claim, result), report.asked(claim)
+    measured = f"Measured: {claim.measure}, {number}{f'; asked {asked}' if asked else ''}. " if number else ""
     omitted = f"Omitted: {', '.join(claim.omitted)}. " if claim.omitted else ""
-    return f"- **{verdict}**, `{_short(claim.id)}`: {claim.text} {measured}{omitted}{paper.expected.get(claim.id, ('', ''))[1]}"
+    return f"- **{verdict}**, `{_short(claim.id)}`: *{claim.text}* {measured}{omitted}{paper.expected.get(claim.id, ('', ''))[1]}"
 
 
 def _claim(claim, result, verdict):
     link = f"[{claim.item.split('/')[1].split('_')[0]}](notebooks/{claim.item}.ipynb)"
-    said = [f"`{_short(claim.id)}` {claim.text}", claim.measure, report.asked(claim), report.ours(claim, result), f"**{verdict}**"]
+    last = f"**{verdict}**{report.in_words(claim, result, verdict).removeprefix(verdict)}"
+    said = [f"`{_short(claim.id)}` {claim.text}", claim.measure, report.asked(claim), report.ours(claim, result), last]
     return f"| {link} | " + " | ".join(table_cell(text) for text in said) + " |"
 
 
