@@ -44,6 +44,18 @@ def test_clean_notebooks_brings_a_saved_notebook_into_the_committed_form(reprodu
     assert path.read_bytes() == clean
 
 
+def test_a_tree_without_notebooks_is_no_success(reproduced, tmp_path):
+    (tmp_path / "README.md").write_text("")
+    done = reproduced.run("reproduce", env=reproduced.environment() | {"DRIVELIB_ROOT": str(tmp_path)})
+    assert done.returncode == 2 and f"{tmp_path} holds no notebooks" in done.stderr
+
+
+def test_missing_limits_are_named(reproduced):
+    (reproduced.root / "pyproject.toml").write_text("")
+    done = reproduced.run("reproduce", "--force", "mini/fig01")
+    assert done.returncode == 1 and "limits: notebook_seconds = None: must be a real number above 0" in done.stdout
+
+
 def test_a_notebook_in_no_ledger_is_named(reproduced):
     reproduced.write_cells("fig03_stray", ["a = 1"])
     done = reproduced.run("status")

@@ -77,25 +77,35 @@ def test_a_child_that_hides_in_a_session_of_its_own_is_found(reproduced):
     assert not reproduced.survivors()
 
 
+@pytest.mark.parametrize("line", ["import drivelib", "import drivelib.record", "import numpy, drivelib as d"])
+def test_what_another_notebook_imports_serves_none_that_does_not(reproduced, line):
+    """The process that is forked from has the modules of both notebooks."""
+    reproduced.write("fig01_line", "mini/slope", work=f"{line}\n(d if 'd' in dir() else drivelib).fuzzy_sets")
+    reproduced.write("fig02_next", "mini/rise", work="from drivelib import fuzzy_sets")
+    done = reproduced.run("reproduce")
+    assert done.returncode == 1 and "mini/fig01_line: could not be started: line 1 of a cell imports drivelib" in done.stdout
+
+
 ESCAPE = """
 import os, subprocess
-subprocess.Popen(["sleep", "600.125"], env={})
-subprocess.run(["bash", "-c", "setsid sleep 600.125 & echo $! > $0", os.environ["DRIVELIB_ROOT"] + "/build/daemon"], env={"PATH": os.environ["PATH"]})
+subprocess.Popen(["sleep", "SECONDS"], env={})
+subprocess.run(["bash", "-c", "setsid sleep SECONDS & echo $! > $0", os.environ["DRIVELIB_ROOT"] + "/build/daemon"], env={"PATH": os.environ["PATH"]})
 os.environ.clear()
-subprocess.Popen(["/bin/sleep", "600.125"])
+subprocess.Popen(["/bin/sleep", "SECONDS"])
 """
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="orphans are adopted on Linux only")
-@pytest.mark.parametrize("last", ["pass", "while True: pass", "os.execve('/bin/sleep', ['sleep', '600.125'], {})"])
+@pytest.mark.parametrize("last", ["pass", "while True: pass", "os.execve('/bin/sleep', ['sleep', 'SECONDS'], {})"])
 def test_a_child_with_an_environment_of_its_own_is_found(reproduced, last):
     """Also a daemon, whose parent has ended, and also where the kernel itself has become another program."""
+    seconds = f"600.{os.getpid():07d}"  # which names these processes
     (reproduced.root / "pyproject.toml").write_text("[tool.drivelib.limits]\nnotebook_seconds = 5\nbeyond_seconds = 5\noutput_bytes = 100000\n")
-    reproduced.write("fig01_line", "mini/slope", work=f"{ESCAPE}\n{last}")
+    reproduced.write("fig01_line", "mini/slope", work=f"{ESCAPE}\n{last}".replace("SECONDS", seconds))
     done = reproduced.run("reproduce", "mini/fig01")
     assert done.returncode == (0 if last == "pass" else 1), done.stdout + done.stderr
     assert (reproduced.root / "build" / "daemon").exists()
-    assert not [process for process in psutil.process_iter(["cmdline"]) if "600.125" in (process.info["cmdline"] or ())]
+    assert not [process for process in psutil.process_iter(["cmdline"]) if seconds in (process.info["cmdline"] or ())]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="kernels are forked on Linux only")

@@ -15,6 +15,7 @@ import psutil
 
 from drivelib import environment, ledger, notebook, paths, record
 from drivelib.pack import freshness, preloaded, tokens, worker
+from drivelib.validation import number
 
 STARTUP_SECONDS = 60  # beyond the notebook's own limit, before the run is killed
 SIZE_LIMITS = {".csv": 300_000, ".svg": 500_000, ".ipynb": 1_000_000}
@@ -48,8 +49,9 @@ class Outcome:
 def limits(item_id):
     """Return (seconds, bytes of output) that an item may take, from pyproject.toml."""
     with (paths.root() / "pyproject.toml").open("rb") as stream:
-        values = tomllib.load(stream)["tool"]["drivelib"]["limits"]
-    return values["beyond_seconds" if item_id.startswith("beyond/") else "notebook_seconds"], values["output_bytes"]
+        values = tomllib.load(stream).get("tool", {}).get("drivelib", {}).get("limits", {})
+    wanted = "beyond_seconds" if item_id.startswith("beyond/") else "notebook_seconds", "output_bytes"
+    return tuple(number(f"pyproject.toml, tool.drivelib.limits: {name}", values.get(name), above=0) for name in wanted)
 
 
 def variables(private, changes, **extra):
@@ -76,6 +78,7 @@ class Attempt:
     def _start(self, context, publish, mirror, parameters, changes, output_limit, fork):
         item, stage = self.item, self.stage
         content = notebook.read(paths.notebook(item)) | {"metadata": notebook.METADATA}  # papermill asks it for the language
+        freshness.refuse_whole_package(notebook.code(content))
         for cell in content["cells"]:
             if cell["cell_type"] == "code":
                 cell["outputs"], cell["execution_count"] = [], None

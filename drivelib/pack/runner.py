@@ -23,10 +23,12 @@ def items():
     Raises
     ------
     ValueError
-        If a notebook is in no ledger, or items need one another in a circle.
+        If there is no notebook at all, one is in no ledger, or items need one another in a circle.
     """
     listed = {id_: item for paper in ledger.papers().values() for id_, item in paper.items.items()}
     there = {path.relative_to(paths.root() / "notebooks").with_suffix("").as_posix() for path in _notebooks()}
+    if not there:
+        raise ValueError(f"{paths.root()} holds no notebooks")
     stray = sorted(there - set(listed) - {ledger.INDEX})
     if stray:
         raise ValueError(f"notebooks/{stray[0]}.ipynb is listed in no ledger (drivelib/papers/*.toml)")
