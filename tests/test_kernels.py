@@ -124,9 +124,10 @@ def test_a_kernel_whose_end_another_was_told_of_counts_as_ended():
 KILLED = """
 import json, os, signal, sys, tempfile, threading, time
 from multiprocessing import forkserver
-from drivelib.pack import runner
+from drivelib.pack import attempt, runner
+attempt.STARTUP_SECONDS = 1
 def kill(what, item):
-    time.sleep(1)  # its kernel is at work
+    time.sleep(2)  # its kernel is at work
     os.kill(forkserver._forkserver._forkserver_pid, signal.SIGKILL)
 found = [[o.item, o.failure] for o in runner.run(runner.items(), jobs=1, stage=tempfile.mkdtemp(dir=sys.argv[1]), report=kill)]
 print(json.dumps(found))
@@ -134,13 +135,17 @@ print(json.dumps(found))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="kernels are forked on Linux only")
-def test_the_death_of_the_process_that_is_forked_from_hangs_nothing(reproduced):
-    """As by a system that is out of memory: what runs goes on or is named, what follows runs in plain kernels."""
-    reproduced.write("fig01_line", "mini/slope", work="import time\ntime.sleep(3)")
+@pytest.mark.parametrize(
+    ("work", "failure"),
+    [("import time\ntime.sleep(3)", None), ("import os\nos.kill(os.getppid(), 19)  # stops the worker", "longer than its limit of 20 s, killed")],
+)
+def test_the_death_of_the_process_that_is_forked_from_hangs_nothing(reproduced, work, failure):
+    """As by a system that is out of memory: what runs goes on, or is ended in time, and what follows runs in plain kernels."""
+    reproduced.write("fig01_line", "mini/slope", work=work)
     command = [sys.executable, "-c", KILLED, str(reproduced.root)]
     done = subprocess.run(command, env=reproduced.environment(), capture_output=True, text=True, timeout=100)
     assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout) == [["mini/fig01_line", None], ["mini/fig02_next", None]]
+    assert json.loads(done.stdout) == [["mini/fig01_line", failure], ["mini/fig02_next", None]]
     assert not reproduced.survivors()
 
 
