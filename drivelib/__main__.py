@@ -91,7 +91,7 @@ def parse_parameter(text):
         raise ValueError(f"-p {text!r}: must read NAME=VALUE")
     try:
         return name, ast.literal_eval(value)
-    except (ValueError, SyntaxError):
+    except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):  # as literal_eval has it
         return name, value
 
 

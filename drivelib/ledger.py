@@ -205,12 +205,14 @@ def load(path):
     path = Path(path)
     try:
         raw = tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path.name}: no valid TOML: {error}") from error
     paper = path.stem
     items, claims, expected = {}, {}, {}
     for stem, entry in raw.get("items", {}).items():
         _known(entry, ("title", "equations", "needs", "tolerance", "topic"), f"{path.name}, item {stem}")
+        if not entry.get("title"):
+            raise ValueError(f"{path.name}, item {stem}: 'title' is missing")
         tolerance = number(f"{path.name}, item {stem}: tolerance", entry.get("tolerance", TOLERANCE), at_least=0, at_most=0.01)
         items[f"{paper}/{stem}"] = Item(
             f"{paper}/{stem}", entry["title"], entry.get("equations", ""), tuple(entry.get("needs", ())), tolerance, entry.get("topic", Item.topic)
@@ -264,13 +266,16 @@ def _claim(entry, where, paper, items):
     if relation != "matches" and "printed" in entry:
         raise ValueError(f"{where}: 'printed' goes with relation 'matches', not with {relation!r}")
     if relation == "matches":
-        if "printed" not in entry:
+        if not isinstance(entry.get("printed"), str):
             raise ValueError(f"{where}: relation 'matches' needs the printed value, as a string")
         if "tolerance" not in entry:
             values["tolerance"] = half_last_digit(entry["printed"])
             values["reason"] = values.get("reason") or "half a unit of the last printed digit"
     elif "threshold" not in entry or (relation == "between") != isinstance(values["threshold"], tuple):
         raise ValueError(f"{where}: relation {relation!r} needs {'two thresholds' if relation == 'between' else 'one threshold'}")
+    for key in {"threshold", "tolerance"} & values.keys():
+        for value in values[key] if isinstance(values[key], tuple) else (values[key],):
+            number(f"{where}: {key}", value)
     if not values.get("reason"):
         raise ValueError(f"{where}: a threshold or a tolerance of its own needs a reason")
     return Claim(**values)

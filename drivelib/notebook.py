@@ -3,6 +3,7 @@
 import ast
 import hashlib
 import json
+import math
 
 from drivelib.validation import nearest
 
@@ -19,14 +20,21 @@ def read(path):
     Raises
     ------
     ValueError
-        If the file is no JSON notebook of format 4.5 or later with cell ids.
+        If the file is no JSON notebook of format 4.5 or later, or a cell of it is not whole.
     """
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: no readable notebook ({error})") from error
-    if not isinstance(content, dict) or content.get("nbformat") != 4 or content.get("nbformat_minor", 0) < 5:
+    minor = content.get("nbformat_minor") if isinstance(content, dict) and content.get("nbformat") == 4 else None
+    if not isinstance(minor, int) or minor < 5:
         raise ValueError(f"{path}: must be a notebook of format 4.5 (open and save it in JupyterLab)")
+    if not isinstance(content.get("cells"), list):
+        raise ValueError(f"{path}: has no list of cells")
+    kinds = {"cell_type": str, "source": (str, list), "metadata": dict}
+    for number, cell in enumerate(content["cells"], start=1):
+        if not isinstance(cell, dict) or not all(isinstance(cell.get(key), kind) for key, kind in kinds.items()):
+            raise ValueError(f"{path}: cell {number} must have {', '.join(kinds)}")
     return content
 
 
@@ -63,7 +71,11 @@ def assignments(text, name):
         Naming the first line that is something else.
     """
     found = {}
-    for statement in ast.parse(text).body:
+    try:
+        statements = ast.parse(text).body
+    except SyntaxError as error:
+        raise ValueError(f"{name}: the parameters cell is no Python: {error}") from None
+    for statement in statements:
         try:
             (target,) = statement.targets
             found[target.id] = ast.literal_eval(statement.value)
@@ -73,7 +85,7 @@ def assignments(text, name):
 
 
 def check_overrides(given, defaults, name):
-    """Raise ValueError unless every given parameter exists and has the kind of its default."""
+    """Raise ValueError unless every given parameter exists, has the kind of its default and is finite."""
     for parameter, value in given.items():
         if parameter not in defaults:
             raise ValueError(
@@ -82,6 +94,8 @@ def check_overrides(given, defaults, name):
         default = defaults[parameter]
         number = isinstance(default, (int, float)) and not isinstance(default, bool)
         fits = isinstance(value, (int, float)) and not isinstance(value, bool) if number else type(value) is type(default)
+        if isinstance(value, float) and not math.isfinite(value):
+            raise ValueError(f"{name}: {parameter} = {value!r}: must be finite")
         if not fits:
             raise ValueError(f"{name}: {parameter} = {value!r}: must be of the kind of its default {default!r}")
 

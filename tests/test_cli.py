@@ -12,6 +12,9 @@ from drivelib import __main__ as cli
         (["reproduce", "mini/fig"], "'mini/fig' is no item"),
         (["run", "mini/fig01", "-p", "slop=1"], "mini/fig01_line has no parameter 'slop', it has slope. Did you mean slope"),
         (["run", "mini/fig01", "-p", "slope=steep"], "slope = 'steep': must be of the kind of its default 2.0"),
+        (["run", "mini/fig01", "-p", "slope=1e999"], "slope = inf: must be finite"),
+        (["run", "mini/fig01", "-p", "slope={[]: 1}"], "slope = '{[]: 1}': must be of the kind of its default 2.0"),
+        (["difference", "--fresh", "--jobs", "0"], "--jobs 0: must be at least 1"),
         (["run", "mini/fig01", "-p", "slope"], "-p 'slope': must read NAME=VALUE"),
         (["reproduce", "--jobs", "0"], "--jobs 0: must be at least 1"),
         (["claims", "--verdict", "true"], "--verdict 'true': must be one of reproduced"),
@@ -39,6 +42,18 @@ def test_clean_notebooks_brings_a_saved_notebook_into_the_committed_form(reprodu
     assert path.read_bytes() != clean
     assert "cleaned notebooks/mini/fig01_line.ipynb" in reproduced.run("clean-notebooks").stdout
     assert path.read_bytes() == clean
+
+
+def test_a_tree_without_notebooks_is_no_success(reproduced, tmp_path):
+    (tmp_path / "README.md").write_text("")
+    done = reproduced.run("reproduce", env=reproduced.environment() | {"DRIVELIB_ROOT": str(tmp_path)})
+    assert done.returncode == 2 and f"{tmp_path} holds no notebooks" in done.stderr
+
+
+def test_missing_limits_are_named(reproduced):
+    (reproduced.root / "pyproject.toml").write_text("")
+    done = reproduced.run("reproduce", "--force", "mini/fig01")
+    assert done.returncode == 1 and "limits: notebook_seconds = None: must be a real number above 0" in done.stdout
 
 
 def test_a_notebook_in_no_ledger_is_named(reproduced):

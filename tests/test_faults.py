@@ -6,6 +6,7 @@ import os
 import resource
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -172,6 +173,30 @@ def test_a_truncated_json_of_another_item_is_named_with_what_mends_it(reproduced
     assert "`python -m drivelib reproduce mini/fig01_line` mends it" in done.stderr
     assert reproduced.run("reproduce", "mini/fig01_line").returncode == 0
     assert path.read_bytes() == whole
+
+
+def test_a_long_name_of_the_temporary_folder_does_not_matter(reproduced, tmp_path):
+    folder = tmp_path / ("long" * 30)
+    folder.mkdir()
+    with pytest.raises(OSError, match="path too long"), socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(folder / "s"))
+    before = reproduced.files()
+    done = reproduced.run("reproduce", "--force", env=reproduced.environment() | {"TMPDIR": str(folder)})
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert reproduced.files() == before
+
+
+def test_a_closed_terminal_does_not_end_a_run_under_nohup(reproduced):
+    reproduced.write("fig01_line", "mini/slope", work="import time\ntime.sleep(2)")
+
+    def nohup():
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+
+    with subprocess.Popen(reproduced.command("reproduce"), env=reproduced.environment(), preexec_fn=nohup, stdout=subprocess.PIPE) as process:
+        reproduced.wait_for_kernel()
+        process.send_signal(signal.SIGHUP)
+        assert b"1 of 2 notebooks run" in process.communicate(timeout=60)[0]
+    assert process.returncode == 0
 
 
 def test_of_two_that_start_at_once_one_runs_and_the_other_says_so(reproduced):

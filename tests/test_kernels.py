@@ -10,7 +10,7 @@ import psutil
 import pytest
 
 from drivelib import environment
-from drivelib.pack import preloaded, tokens
+from drivelib.pack import kernels, preloaded, tokens
 
 # What a notebook can see of the process that it runs in; the private folder's name is the only thing that may differ.
 LOOK = """
@@ -74,6 +74,78 @@ def test_a_child_that_hides_in_a_session_of_its_own_is_found(reproduced):
     reproduced.write_cells("fig01_line", ["slope = 2.0", ORPHAN])
     done = reproduced.run("reproduce", "mini/fig01")
     assert done.returncode == 1 and "left a child behind" in done.stdout
+    assert not reproduced.survivors()
+
+
+@pytest.mark.parametrize("line", ["import drivelib", "import drivelib.record", "import numpy, drivelib as d"])
+def test_what_another_notebook_imports_serves_none_that_does_not(reproduced, line):
+    """The process that is forked from has the modules of both notebooks."""
+    reproduced.write("fig01_line", "mini/slope", work=f"{line}\n(d if 'd' in dir() else drivelib).fuzzy_sets")
+    reproduced.write("fig02_next", "mini/rise", work="from drivelib import fuzzy_sets")
+    done = reproduced.run("reproduce")
+    assert done.returncode == 1 and "mini/fig01_line: could not be started: line 1 of a cell imports drivelib" in done.stdout
+
+
+ESCAPE = """
+import os, subprocess
+subprocess.Popen(["sleep", "SECONDS"], env={})
+subprocess.run(["bash", "-c", "setsid sleep SECONDS & echo $! > $0", os.environ["DRIVELIB_ROOT"] + "/build/daemon"], env={"PATH": os.environ["PATH"]})
+os.environ.clear()
+subprocess.Popen(["/bin/sleep", "SECONDS"])
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="orphans are adopted on Linux only")
+@pytest.mark.parametrize("last", ["pass", "while True: pass", "os.execve('/bin/sleep', ['sleep', 'SECONDS'], {})"])
+def test_a_child_with_an_environment_of_its_own_is_found(reproduced, last):
+    """Also a daemon, whose parent has ended, and also where the kernel itself has become another program."""
+    seconds = f"600.{os.getpid():07d}"  # which names these processes
+    (reproduced.root / "pyproject.toml").write_text("[tool.drivelib.limits]\nnotebook_seconds = 5\nbeyond_seconds = 5\noutput_bytes = 100000\n")
+    reproduced.write("fig01_line", "mini/slope", work=f"{ESCAPE}\n{last}".replace("SECONDS", seconds))
+    done = reproduced.run("reproduce", "mini/fig01")
+    assert done.returncode == (0 if last == "pass" else 1), done.stdout + done.stderr
+    assert (reproduced.root / "build" / "daemon").exists()
+    assert not [process for process in psutil.process_iter(["cmdline"]) if seconds in (process.info["cmdline"] or ())]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="kernels are forked on Linux only")
+def test_a_kernel_whose_end_another_was_told_of_counts_as_ended():
+    """Else one that was killed for too much output is waited for until its cell is over time."""
+    child = os.fork()
+    if child == 0:
+        time.sleep(600)
+    kernel = kernels.Forked(child, None)
+    assert kernel.poll() is None
+    os.kill(child, 9)
+    os.waitpid(child, 0)
+    assert kernel.poll() == -9
+
+
+KILLED = """
+import json, os, signal, sys, tempfile, threading, time
+from multiprocessing import forkserver
+from drivelib.pack import attempt, runner
+attempt.STARTUP_SECONDS = 1
+def kill(what, item):
+    time.sleep(2)  # its kernel is at work
+    os.kill(forkserver._forkserver._forkserver_pid, signal.SIGKILL)
+found = [[o.item, o.failure] for o in runner.run(runner.items(), jobs=1, stage=tempfile.mkdtemp(dir=sys.argv[1]), report=kill)]
+print(json.dumps(found))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="kernels are forked on Linux only")
+@pytest.mark.parametrize(
+    ("work", "failure"),
+    [("import time\ntime.sleep(3)", None), ("import os\nos.kill(os.getppid(), 19)  # stops the worker", "longer than its limit of 20 s, killed")],
+)
+def test_the_death_of_the_process_that_is_forked_from_hangs_nothing(reproduced, work, failure):
+    """As by a system that is out of memory: what runs goes on, or is ended in time, and what follows runs in plain kernels."""
+    reproduced.write("fig01_line", "mini/slope", work=work)
+    command = [sys.executable, "-c", KILLED, str(reproduced.root)]
+    done = subprocess.run(command, env=reproduced.environment(), capture_output=True, text=True, timeout=100)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == [["mini/fig01_line", failure], ["mini/fig02_next", None]]
     assert not reproduced.survivors()
 
 

@@ -20,6 +20,8 @@ def test_parameters_are_read_and_anything_else_refused():
     assert notebook.parameters(good) == {"a": 1, "b": [1.5, "x"]}
     with pytest.raises(ValueError, match="line 2 of the parameters cell is no literal assignment"):
         notebook.parameters(content(code("a = 1\nb = a + 1", tags=["parameters"])))
+    with pytest.raises(ValueError, match="the parameters cell is no Python"):
+        notebook.parameters(content(code("a = (", tags=["parameters"])))
     with pytest.raises(ValueError, match="2 cells are tagged 'parameters'"):
         notebook.parameters(content(code("a = 1", tags=["parameters"]), code("b = 1", tags=["parameters"])))
 
@@ -63,7 +65,16 @@ def test_errors_stderr_and_widgets_are_unpublishable():
     assert ["raised" in reasons[0], "stderr" in reasons[1], "widget" in reasons[2]] == [True] * 3
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"nbformat": 3}', '{"nbformat": 4, "nbformat_minor": 4}'])
+BROKEN = ("", '"cells": 3', '"cells": "x"', '"cells": [3]', '"cells": [{"cell_type": "code", "source": ""}]', '"cells": [{"cell_type": "code", "metadata": {}}]')
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("", "{", "[]", '{"nbformat": 3}', '{"nbformat": 4, "nbformat_minor": 4}', '{"nbformat": 4, "nbformat_minor": null}'),
+        *(f'{{"nbformat": 4, "nbformat_minor": 5{", " * bool(part)}{part}}}' for part in BROKEN),
+    ],
+)
 def test_a_file_that_is_no_notebook_is_refused_by_name(tmp_path, text):
     path = tmp_path / "broken.ipynb"
     path.write_text(text)

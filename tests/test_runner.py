@@ -60,6 +60,46 @@ def test_a_failure_is_named_and_harms_nothing(reproduced, case):
     assert not reproduced.survivors()
 
 
+def test_a_long_message_is_cut_and_does_not_steer_the_terminal(reproduced):
+    """More than a pipe holds, which a runner that waits for the worker's end must not be kept waiting by."""
+    (reproduced.root / "pyproject.toml").write_text("[tool.drivelib.limits]\nnotebook_seconds = 20\nbeyond_seconds = 20\noutput_bytes = 5000000\n")
+    reproduced.write_cells("fig01_line", ["slope = 2.0", r"raise RuntimeError('\x1b[2Jtwo\nlines' + 80_000 * 'x')"])
+    done = reproduced.run("reproduce", "mini/fig01")
+    assert done.returncode == 1
+    assert "failed: mini/fig01_line: cell 2 raised RuntimeError: [2Jtwo linesxxx" in done.stdout
+    assert "\x1b" not in done.stdout and len(done.stdout) < 8000
+
+
+def test_a_cell_that_is_tagged_to_be_left_out_runs(reproduced):
+    reproduced.write_cells("fig01_line", ["slope = 2.0", "raise RuntimeError('not left out')"])
+    path = reproduced.notebook("fig01_line")
+    content = json.loads(path.read_text())
+    content["cells"][1]["metadata"]["tags"] = ["skip-execution"]
+    path.write_text(json.dumps(content))
+    assert "RuntimeError: not left out" in reproduced.run("reproduce", "mini/fig01").stdout
+
+
+def test_a_notebook_under_anothers_name_spoils_nothing_of_the_other(reproduced):
+    """The first writes a whole record in the name of the second, which has lost its finish()."""
+    own, other = reproduced.notebook("fig01_line"), reproduced.notebook("fig02_next")
+    content = json.loads(other.read_text())
+    own.write_text(json.dumps(content))
+    content["cells"].pop()
+    other.write_text(json.dumps(content))
+    before = reproduced.files()
+    done = reproduced.run("reproduce", "--jobs", "1")
+    assert "failed: mini/fig01_line: finish() was not reached" in done.stdout
+    assert "failed: mini/fig02_next: finish() was not reached" in done.stdout
+    assert reproduced.files() == before
+
+
+def test_a_notebook_that_names_no_language_takes_parameters(reproduced, tmp_path):
+    path = reproduced.notebook("fig01_line")
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"metadata": {}}))
+    done = reproduced.run("run", "mini/fig01", "-p", "slope=3", "--out", tmp_path / "mine")
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 def test_a_cell_over_its_limit_is_stopped_with_all_that_it_started(reproduced):
     (reproduced.root / "pyproject.toml").write_text("[tool.drivelib.limits]\nnotebook_seconds = 3\nbeyond_seconds = 3\noutput_bytes = 1000\n")
     work = "import subprocess, time\nsubprocess.Popen(['sleep', '600'], start_new_session=True)\ntime.sleep(600)"
@@ -72,7 +112,7 @@ def test_a_cell_over_its_limit_is_stopped_with_all_that_it_started(reproduced):
     assert not reproduced.survivors()
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_stopping_the_runner_leaves_no_process_and_no_half_written_file(reproduced, how):
     reproduced.write_cells("fig01_line", ["slope = 2.0", "import time\ntime.sleep(600)"])
     before = reproduced.files()

@@ -1,4 +1,4 @@
-"""One notebook on its way: its private folder, its worker process, its deadline, and what is kept of its results."""
+"""One notebook on its way: its private folders, its worker process, its deadline, and what is kept of its results."""
 
 import hashlib
 import json
@@ -7,11 +7,15 @@ import tempfile
 import time
 import tomllib
 import uuid
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import psutil
+
 from drivelib import environment, ledger, notebook, paths, record
-from drivelib.pack import freshness, tokens, worker
+from drivelib.pack import freshness, preloaded, tokens, worker
+from drivelib.validation import number
 
 STARTUP_SECONDS = 60  # beyond the notebook's own limit, before the run is killed
 SIZE_LIMITS = {".csv": 300_000, ".svg": 500_000, ".ipynb": 1_000_000}
@@ -45,8 +49,9 @@ class Outcome:
 def limits(item_id):
     """Return (seconds, bytes of output) that an item may take, from pyproject.toml."""
     with (paths.root() / "pyproject.toml").open("rb") as stream:
-        values = tomllib.load(stream)["tool"]["drivelib"]["limits"]
-    return values["beyond_seconds" if item_id.startswith("beyond/") else "notebook_seconds"], values["output_bytes"]
+        values = tomllib.load(stream).get("tool", {}).get("drivelib", {}).get("limits", {})
+    wanted = "beyond_seconds" if item_id.startswith("beyond/") else "notebook_seconds", "output_bytes"
+    return tuple(number(f"pyproject.toml, tool.drivelib.limits: {name}", values.get(name), above=0) for name in wanted)
 
 
 def variables(private, changes, **extra):
@@ -62,8 +67,8 @@ class Attempt:
         self.item, self.stage, self.started = item, stage, time.monotonic()
         self.limit, output_limit = limits(item)
         self.deadline = self.started + self.limit + STARTUP_SECONDS
-        self.token, self.cell_seconds = uuid.uuid4().hex, 0.0
-        self.private = Path(tempfile.mkdtemp(prefix="drv"))  # short: a unix socket's path has 107 characters at most
+        self.token, self.cell_seconds, self.worker = uuid.uuid4().hex, 0.0, None
+        self.private = Path(tempfile.mkdtemp(prefix="drv", dir=preloaded.folder_for_sockets()))
         try:
             self._start(context, publish, mirror, parameters, changes, output_limit, fork)
         except BaseException:
@@ -72,12 +77,15 @@ class Attempt:
 
     def _start(self, context, publish, mirror, parameters, changes, output_limit, fork):
         item, stage = self.item, self.stage
-        content = notebook.read(paths.notebook(item))
+        content = notebook.read(paths.notebook(item)) | {"metadata": notebook.METADATA}  # papermill asks it for the language
+        freshness.refuse_whole_package(notebook.code(content))
         for cell in content["cells"]:
             if cell["cell_type"] == "code":
                 cell["outputs"], cell["execution_count"] = [], None
+                cell["metadata"]["tags"] = [tag for tag in cell["metadata"].get("tags", ()) if tag != "skip-execution"]  # nbclient obeys it
         (self.private / "source.ipynb").write_bytes(notebook.dumps(content))
-        self.folder = stage / "figures" / Path(item).parent
+        # A folder of its own, so that a notebook that takes another's name in begin() spoils nothing of the other.
+        self.folder = Path(tempfile.mkdtemp(prefix="run-", dir=stage))
         where = {
             record.PUBLISH if publish else record.OUT: self.folder,
             paths.READ: stage / "figures" if mirror else paths.root() / "figures",
@@ -90,6 +98,8 @@ class Attempt:
         self.process = context.Process(target=worker.execute, args=(job, sender), daemon=False)
         self.process.start()
         sender.close()
+        with suppress(psutil.Error):  # multiprocessing takes it for dead as soon as the process that it was forked from is
+            self.worker = psutil.Process(self.process.pid)
 
     def end(self, late):
         """Return the `Outcome` after the worker has ended, or kill it when it is late."""
@@ -101,21 +111,27 @@ class Attempt:
             except (OSError, ValueError, KeyError, TypeError) as error:
                 failure = f"its results cannot be read or kept: {error}"
         self.kill()
-        if failure is not None and log and "raised" not in failure:
-            failure += f" [{log}]"
-        files = {} if failure else {path.suffix: path for path in self._files() if path.exists()}
+        if failure is not None:
+            failure = _one_line(failure if not log or "raised" in failure else f"{failure} [{log}]")
+        files = {} if failure else {path.suffix: path for path in self._staged() if path.exists()}
         return Outcome(self.item, failure, time.monotonic() - self.started, files, self.cell_seconds)
 
     def kill(self):
-        """End every process of this run and remove its private folder."""
-        self.process.kill()
+        """End every process of this run and remove its private folders."""
+        if self.worker and self.worker.is_running():
+            tokens.sweep(self.token, self.worker)
+            with suppress(psutil.Error):
+                self.worker.kill()
         self.process.join()
         tokens.sweep(self.token)
         self.receiver.close()
-        shutil.rmtree(self.private, ignore_errors=True)
+        for folder in (self.private, self.folder):
+            shutil.rmtree(folder, ignore_errors=True)
 
     def _message(self):
         try:
+            if not self.receiver.poll(max(0.0, self.deadline - time.monotonic())):  # it lives, and who watches over it has died
+                return f"longer than its limit of {self.limit:g} s, killed"
             failure = self.receiver.recv()
         except EOFError:
             return f"its worker process died with exit status {self.process.exitcode}"
@@ -132,11 +148,14 @@ class Attempt:
 
     def _files(self):
         name = self.item.rsplit("/", 1)[-1]
-        figures = [self.folder / f"{name}.{suffix}" for suffix in freshness.ARTEFACTS]
+        return [self.folder / f"{name}.{suffix}" for suffix in ("ipynb", *freshness.ARTEFACTS)]
+
+    def _staged(self):
+        figures = [self.stage / "figures" / f"{self.item}.{suffix}" for suffix in freshness.ARTEFACTS]
         return [self.stage / "notebooks" / f"{self.item}.ipynb", *figures]
 
     def _collect(self):
-        """Write the normalised notebook into the stage; return what is wrong with the results, or None."""
+        """Move the results with the normalised notebook into the stage; return what is wrong with them, or None."""
         executed = notebook.read(self.private / "executed.ipynb")
         self.cell_seconds = sum(cell["metadata"]["papermill"]["duration"] or 0.0 for cell in executed["cells"])
         reasons = notebook.unpublishable(executed)
@@ -162,4 +181,12 @@ class Attempt:
             suffix = path.suffix.removeprefix(".")
             if suffix in results["artefacts"] and hashlib.sha256(path.read_bytes()).hexdigest() != results["artefacts"][suffix]:
                 return f"{path.name} is not what finish() signed"
+        for path, staged in zip(files, self._staged(), strict=False):  # the index may have its notebook only
+            staged.parent.mkdir(parents=True, exist_ok=True)
+            path.replace(staged)
         return None
+
+
+def _one_line(text):
+    """Return a failure as one line of what can be printed: a notebook's words must not steer the terminal."""
+    return " ".join("".join(sign if sign.isprintable() else " " for sign in text).split())

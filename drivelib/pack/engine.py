@@ -9,6 +9,7 @@ from queue import Empty
 sys.modules.setdefault("rfc3987_syntax", None)  # half of papermill's import time, for a check that nobody asks for
 
 import nbformat  # noqa: E402
+import psutil  # noqa: E402
 from jupyter_client.asynchronous import AsyncKernelClient  # noqa: E402
 from jupyter_client.manager import AsyncKernelManager  # noqa: E402
 from papermill.clientwrap import PapermillNotebookClient  # noqa: E402
@@ -66,7 +67,7 @@ class _Client(PapermillNotebookClient):
         if msg["msg_type"] in ("stream", "display_data", "execute_result", "update_display_data", "error"):
             self._seen += len(str(msg["content"]))
             if self._seen > self.output_limit:
-                tokens.sweep(self.token)  # an exception here would only be seen when the cell ends, which it may never do
+                tokens.sweep(self.token, psutil.Process())  # an exception here would only be seen when the cell ends, which it may never do
         return super().process_message(msg, *arguments, **options)
 
     def start_new_kernel_client(self, **options):
@@ -124,6 +125,6 @@ def execute(job, forked=None):
                 forked=forked if attempt == 0 else None,
             )
         except StartFailure:
-            tokens.sweep(job.token)
+            tokens.sweep(job.token, psutil.Process())
             if attempt == START_TRIES - 1:
                 raise

@@ -6,6 +6,7 @@ The record is local and ignored by git, so in a fresh clone everything is stale 
 import ast
 import hashlib
 import json
+from contextlib import suppress
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
@@ -102,6 +103,19 @@ def closure(sources):
                 found.add(module)
                 waiting.append((PACKAGE / module).read_text(encoding="utf-8"))
     return sorted(found)
+
+
+def refuse_whole_package(sources):
+    """Raise ValueError where a cell binds the name drivelib instead of a module of it.
+
+    What is reached through that name is in nobody's closure, and in a forked kernel there is more than was asked for.
+    """
+    for text in sources:
+        with suppress(SyntaxError):  # the cell will say so itself
+            for node in ast.walk(ast.parse(text)):
+                for alias in node.names if isinstance(node, ast.Import) else ():
+                    if alias.name.split(".")[0] == "drivelib" and (alias.asname is None or alias.name == "drivelib"):
+                        raise ValueError(f"line {node.lineno} of a cell imports {alias.name}; write: from drivelib import …")
 
 
 @cache

@@ -44,9 +44,10 @@ class Forked(psutil.Process):
 
     def poll(self):
         try:
-            return self.wait(timeout=0)
+            code = self.wait(timeout=0)
         except psutil.TimeoutExpired:
             return None
+        return -signal.SIGKILL if code is None else code  # None: gone, and `tokens.sweep` was told how
 
 
 class ForkedProvisioner(LocalProvisioner):

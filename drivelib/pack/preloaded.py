@@ -10,8 +10,10 @@ import importlib
 import multiprocessing
 import os
 import sys
+import tempfile
 import time
 
+ROOM = 70  # bytes that a folder's path may have, for that of a socket below it has 107 at most (macOS: 103)
 MODULES = "DRIVELIB_PRELOAD"  # the variable that names what to import, separated by commas
 KERNEL = ("ipykernel.ipkernel", "ipykernel.kernelapp", "matplotlib_inline.backend_inline")
 
@@ -26,15 +28,23 @@ def context(variables, modules):
     from multiprocessing import forkserver
 
     forkserver.set_forkserver_preload([__name__])
-    before = dict(os.environ)
+    before, folder = dict(os.environ), tempfile.tempdir
     os.environ.clear()
     os.environ.update(variables | {MODULES: ",".join(modules)})
+    tempfile.tempdir = folder_for_sockets()
     try:
         forkserver.ensure_running()
     finally:
+        tempfile.tempdir = folder
         os.environ.clear()
         os.environ.update(before)
     return multiprocessing.get_context("forkserver")
+
+
+def folder_for_sockets():
+    """Return where temporary folders go that hold sockets: the usual place, or /tmp where its path is too long for them."""
+    usual = tempfile.gettempdir()
+    return usual if os.name == "nt" or len(os.fsencode(usual)) <= ROOM else "/tmp"
 
 
 def single_threaded(patience):

@@ -10,6 +10,8 @@ from pathlib import Path
 from drivelib import paths
 from drivelib.pack import freshness
 
+SIGNALS = [signal.SIGINT, signal.SIGTERM] + ([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])  # what stops a run
+
 
 def publish(outcome, item, run_parts, provenance):
     """Move an item's results into the tree, the JSON last, then write its run record.
@@ -53,11 +55,11 @@ def _beside(path, source):
 
 @contextmanager
 def _uninterrupted():
-    """Hold back SIGINT and SIGTERM; where signals cannot be held back (Windows) do nothing."""
+    """Hold back what stops a run; where signals cannot be held back (Windows) do nothing."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     try:
         yield
     finally:

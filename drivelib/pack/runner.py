@@ -12,7 +12,7 @@ from multiprocessing import connection
 from pathlib import Path
 
 from drivelib import ledger, notebook, paths
-from drivelib.pack import attempt, freshness, preloaded, tokens
+from drivelib.pack import attempt, freshness, preloaded, publishing, tokens
 from drivelib.pack.attempt import Outcome
 from drivelib.validation import nearest
 
@@ -23,10 +23,12 @@ def items():
     Raises
     ------
     ValueError
-        If a notebook is in no ledger, or items need one another in a circle.
+        If there is no notebook at all, one is in no ledger, or items need one another in a circle.
     """
     listed = {id_: item for paper in ledger.papers().values() for id_, item in paper.items.items()}
     there = {path.relative_to(paths.root() / "notebooks").with_suffix("").as_posix() for path in _notebooks()}
+    if not there:
+        raise ValueError(f"{paths.root()} holds no notebooks")
     stray = sorted(there - set(listed) - {ledger.INDEX})
     if stray:
         raise ValueError(f"notebooks/{stray[0]}.ipynb is listed in no ledger (drivelib/papers/*.toml)")
@@ -74,14 +76,21 @@ def run(chosen, *, jobs, stage, publish=True, mirror=False, parameters=None, see
     Kernels are forked from a process that has imported what the items need, where that is safe (see `preloaded`); with
     ``fork=False`` each is started as a new Python.
     Whatever ends this generator, no process survives it.
+
+    Raises
+    ------
+    ValueError
+        If ``jobs`` is below 1.
     """
+    if jobs < 1:
+        raise ValueError(f"--jobs {jobs}: must be at least 1")
     draw = random.Random(seed)
     rank = {id_: draw.random() if seed is not None else -freshness.record(id_).get("seconds", 10) for id_ in chosen}
     changes = {"PYTHONHASHSEED": draw.randrange(1, 2**32)} if seed is not None and mirror else {}
     order = TopologicalSorter({id_: [needed for needed in item.needs if needed in chosen] for id_, item in chosen.items()})
     order.prepare()
     waiting, running, failed = [], {}, set()
-    private = Path(tempfile.mkdtemp(prefix="drv"))
+    private = Path(tempfile.mkdtemp(prefix="drv", dir=preloaded.folder_for_sockets()))
     try:
         context = _context(chosen, private, changes, fork)
         while order.is_active():
@@ -98,7 +107,7 @@ def run(chosen, *, jobs, stage, publish=True, mirror=False, parameters=None, see
                 began = time.monotonic()
                 try:
                     run_ = attempt.Attempt(context, id_, Path(stage), publish, mirror, parameters or {}, changes, fork)
-                except (OSError, ValueError) as error:
+                except (OSError, EOFError, ValueError) as error:
                     failed.add(id_)
                     order.done(id_)
                     yield Outcome(id_, f"could not be started: {error}", time.monotonic() - began)
@@ -139,15 +148,17 @@ def _context(chosen, private, changes, fork):
 
 @contextmanager
 def interruptible():
-    """Turn SIGINT and SIGTERM into KeyboardInterrupt, so that both ways to stop clean up alike.
+    """Turn SIGINT, SIGTERM and SIGHUP (a closed terminal) into KeyboardInterrupt, so that all ways to stop clean up alike.
 
-    SIGINT too, because a process started in the background of a shell script inherits it as ignored.
+    SIGINT too, because a process started in the background of a shell script inherits it as ignored. Where SIGHUP is
+    ignored it stays so, for that is what nohup is for.
     """
 
     def stop(*_):
         raise KeyboardInterrupt
 
-    previous = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    stopping = [number for number in publishing.SIGNALS if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN]
+    previous = {number: signal.signal(number, stop) for number in stopping}
     try:
         yield
     finally:

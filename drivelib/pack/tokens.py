@@ -1,4 +1,7 @@
-"""A token in the environment of everything that one run starts, by which it is found and ended."""
+"""A token in the environment of everything that one run starts, by which it is found and ended.
+
+A program that was started with an environment of its own does not carry it. It is found as a descendant of the worker.
+"""
 
 import ctypes
 import os
@@ -8,6 +11,7 @@ import psutil
 
 TOKEN = "DRIVELIB_RUN"  # the variable's name
 NO_RUN = "0" * 32  # its value in the process that is forked from
+PR_SET_CHILD_SUBREAPER = 36  # from linux/prctl.h
 
 
 def _address():
@@ -43,13 +47,19 @@ def wear(token):
     ctypes.memmove(_place, token.encode("ascii"), len(NO_RUN))
 
 
-def sweep(token):
-    """Kill every process that carries a run's token: the kernel and whatever its cells started."""
+def adopt():
+    """Become the parent of every descendant whose own parent ends (Linux only), so that `sweep` finds those too."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+
+
+def sweep(token, worker=None):
+    """Kill the kernel and whatever its cells started: all that carries a run's token or descends from its ``worker``, while that lives."""
     while True:
         found = []
-        for process in psutil.process_iter():
+        for process in {*_bearers(token), *_descendants(worker)}:
             try:
-                if process.pid != os.getpid() and process.environ().get(TOKEN) == token and process.status() != psutil.STATUS_ZOMBIE:
+                if process.pid != os.getpid() and process.status() != psutil.STATUS_ZOMBIE:
                     process.kill()
                     found.append(process)
             except (psutil.Error, OSError):
@@ -57,3 +67,19 @@ def sweep(token):
         if not found:
             return
         psutil.wait_procs(found, timeout=2)
+
+
+def _bearers(token):
+    for process in psutil.process_iter():
+        try:
+            if process.environ().get(TOKEN) == token:
+                yield process
+        except (psutil.Error, OSError):
+            continue
+
+
+def _descendants(worker):
+    try:
+        return worker.children(recursive=True) if worker else []
+    except psutil.Error:
+        return []

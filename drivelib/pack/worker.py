@@ -5,11 +5,16 @@ counts only when no exception was raised and finish() wrote its JSON, which the 
 """
 
 import os
+import shutil
 import threading
 from multiprocessing import connection, parent_process
 from pathlib import Path
 
+import psutil
+
 from drivelib.pack import tokens
+
+MESSAGE = 2000  # characters of a failure that are reported
 
 
 def execute(job, sender):
@@ -19,13 +24,14 @@ def execute(job, sender):
     from drivelib.pack import engine, kernels
 
     os.setsid() if hasattr(os, "setsid") else None
+    tokens.adopt()
     log = os.open(Path(job.private) / "log", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
     os.dup2(log, 1)
     os.dup2(log, 2)
     forked = kernels.fork(job, sender) if job.fork and kernels.can_fork(job.environment) else None
     os.environ.clear()
     os.environ.update(job.environment)
-    threading.Thread(target=_follow_parent, args=(job.token,), daemon=True).start()
+    threading.Thread(target=_follow_parent, args=(job,), daemon=True).start()
     try:
         engine.execute(job, forked)
         failure = None
@@ -33,13 +39,15 @@ def execute(job, sender):
         failure = f"cell {error.exec_count} raised {error.ename}: {error.evalue}"
     except BaseException as error:  # noqa: BLE001 - whatever it is, the runner must hear of it
         failure = f"{type(error).__name__}: {str(error).strip() or 'no message'}"
-    tokens.sweep(job.token)
-    sender.send(failure)
+    tokens.sweep(job.token, psutil.Process())
+    # More than a pipe holds (64 KiB) would be waited for by a runner that waits for this process to end.
+    sender.send(failure and failure[:MESSAGE])
     sender.close()
     os._exit(0 if failure is None else 1)
 
 
-def _follow_parent(token):
+def _follow_parent(job):
     connection.wait([parent_process().sentinel])
-    tokens.sweep(token)
+    tokens.sweep(job.token, psutil.Process())
+    shutil.rmtree(job.private, ignore_errors=True)
     os._exit(1)
