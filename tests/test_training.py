@@ -12,8 +12,9 @@ import pytest
 import torch
 from scipy.optimize import least_squares
 
-from drivelib.levenberg import MARQUARDT, STOPS, TOOLBOX, Batch, Descent, Schedule
+from drivelib.levenberg import MARQUARDT, STOPS, TOOLBOX, Descent, Schedule
 from drivelib.neural import Network, Range, nguyen_widrow
+from drivelib.neural_batch import Batch
 from drivelib.training import NotConverged, train
 
 SIZES = [(2, 2, 1), (2, 2, 2), (1, 15, 1), (3, 4, 2)]
