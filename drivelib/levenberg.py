@@ -86,8 +86,8 @@ class Schedule:
 TOOLBOX = Schedule("toolbox")
 TOOLBOX_2002 = Schedule("toolbox 2002", epochs=100)
 # The default: damping in proportion lets weights that do not matter yet move far, and so finds the best minimum
-# oftener; the gain ratio and the bent step save epochs. Its first damping, "down" and "up" were chosen on the papers'
-# four kinds of map, 2-2-1, 1000 samples; tests/benchmarks/RESULTS.md tells how it did there and on maps kept aside.
+# oftener; the gain ratio and the bent step save epochs. Its first damping, "down" and "up" were chosen on four
+# maps of least loss, 2-2-1, 1000 samples; tests/benchmarks/RESULTS.md tells how it did there and on maps kept aside.
 # The bound 0.75 is the reference's; it stops as MINPACK by its ftol.
 MARQUARDT = Schedule("Marquardt", mu=10.0, down=0.1, up=2.0, scaled=True, gain=True, acceleration=0.75, stall=1e-8)
 
