@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from drivelib.levenberg import MARQUARDT, STOPS, Batch, Descent, Schedule
+from drivelib.levenberg import MARQUARDT, STOPS, Descent, Schedule
 from drivelib.neural import ACTIVATIONS, Network, Range, nguyen_widrow
+from drivelib.neural_batch import Batch
 from drivelib.validation import choice, number
 
 FINISHED = ("gradient", "stalled", "validation")

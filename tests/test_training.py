@@ -1,6 +1,7 @@
 """Levenberg-Marquardt: derivatives, minima against SciPy, determinism, stops, and what is refused."""
 
 import inspect
+import itertools
 import os
 import subprocess
 import sys
@@ -12,8 +13,9 @@ import pytest
 import torch
 from scipy.optimize import least_squares
 
-from drivelib.levenberg import MARQUARDT, STOPS, TOOLBOX, Batch, Descent, Schedule
+from drivelib.levenberg import MARQUARDT, STOPS, TOOLBOX, Descent, Schedule
 from drivelib.neural import Network, Range, nguyen_widrow
+from drivelib.neural_batch import Batch
 from drivelib.training import NotConverged, train
 
 SIZES = [(2, 2, 1), (2, 2, 2), (1, 15, 1), (3, 4, 2)]
@@ -67,6 +69,18 @@ def test_jacobian_is_the_derivative_of_the_errors(size, activation):
         flat = automatic.transpose(0, 1).flatten(1)
         torch.testing.assert_close(JtJ[k], flat @ flat.T, rtol=0, atol=1e-11)
         torch.testing.assert_close(Jte[k], flat @ errors[k].flatten(), rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("activation", ["tanh", "logistic"])
+@pytest.mark.parametrize("size", SIZES)
+def test_bending_is_the_second_derivative_along_the_step(size, activation):
+    data, weights, x, t = batch(size, activation)
+    steps = weights.flip(0) - 0.3
+    for row, step, bending in zip(weights, steps, data.bending(weights, steps), strict=True):
+        along = lambda way, row=row, step=step: written_out(row + way * step, size, activation, x, t)  # noqa: E731
+        second = torch.func.jacrev(torch.func.jacrev(along))(torch.zeros((), dtype=torch.float64))
+        J = torch.func.jacrev(lambda w: written_out(w, size, activation, x, t))(row)
+        torch.testing.assert_close(bending, torch.einsum("kn,knw->w", second, J), rtol=0, atol=1e-10)
 
 
 def machine_problem(starts):
@@ -124,6 +138,36 @@ def test_the_default_finds_the_best_minimum_as_often_as_scipy_in_no_more_epochs(
     assert descent.epoch.numpy().mean() <= np.mean([fit.njev for fit in theirs])
 
 
+def test_the_first_epoch_of_the_default_is_that_of_its_references():
+    """Step, refusal and damping from the papers' formulas, with differences of the errors along the step."""
+    data, rows = machine_problem(40)
+    descent = Descent(data, rows, replace(MARQUARDT, epochs=1))
+    descent.run()
+    errors = lambda w: data.errors(torch.as_tensor(w)[None])[1].flatten().numpy()  # noqa: E731
+    seen = set()
+    for k, w in enumerate(rows):
+        weights = torch.as_tensor(w)[None]
+        J = data.jacobian(weights, data.errors(weights)[0])[0, 0].numpy().T.copy()
+        e, mu, up = errors(w), MARQUARDT.mu, MARQUARDT.up
+        while True:
+            damping = mu * np.diag(J.T @ J)
+            v = -np.linalg.solve(J.T @ J + np.diag(damping), J.T @ e)
+            h = 1e-3
+            second = (errors(w + h * v) - 2 * e + errors(w - h * v)) / h**2
+            a = -np.linalg.solve(J.T @ J + np.diag(damping), J.T @ second)
+            found = errors(w + v + a / 2)
+            bent_too_far = 2 * np.sqrt(a @ (damping * a)) > 0.75 * np.sqrt(v @ (damping * v))
+            if not bent_too_far and found @ found < e @ e:
+                break
+            seen.add("too far" if bent_too_far else "too high")
+            mu, up = mu * up, 2 * up
+        np.testing.assert_allclose(descent.weights[k].numpy(), w + v + a / 2, rtol=1e-4, atol=1e-5)
+        rho = (e @ e - found @ found) / (-(v @ (J.T @ e)) + v @ (damping * v))
+        assert descent.mu[k].item() == pytest.approx(mu * max(MARQUARDT.down, 1 - (2 * rho - 1) ** 3), rel=1e-3)
+        seen.add("accepted")
+    assert seen >= {"accepted", "too far"}
+
+
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU that torch sees")
 def test_the_same_minimum_on_a_gpu():
     x, t = machine_data()
@@ -174,12 +218,12 @@ def test_same_seed_same_bits_and_another_seed_another_start():
     assert one.history["sse"][0, 0] != other.history["sse"][0, 0]
 
 
-def alone_and_in_company(size):
+def alone_and_in_company(size, schedule=TOOLBOX):
     """Train 70 starts, the first 7, and the first alone, on rows that are not aligned in memory."""
     rng = np.random.default_rng(0)
     x = rng.uniform(-1, 1, (137, size[0]))
     t = np.column_stack([np.sin(3 * x.sum(1) + k) for k in range(size[2])])
-    return [train(x, t, size[1], starts=n, seed=5, schedule=replace(TOOLBOX, epochs=40)) for n in (70, 7, 1)]
+    return [train(x, t, size[1], starts=n, seed=5, schedule=replace(schedule, epochs=40)) for n in (70, 7, 1)]
 
 
 def test_a_start_does_not_depend_on_its_neighbours():
@@ -201,11 +245,11 @@ def test_with_pinned_dispatch_not_one_bit_depends_on_the_neighbours():
 
 def compare_bits():
     """Run in a process of its own: torch reads the pins when it starts."""
-    for size in [(2, 2, 1), (2, 2, 2), (1, 15, 1)]:
-        many, *fewer = alone_and_in_company(size)
+    for size, schedule in itertools.product([(2, 2, 1), (2, 2, 2), (1, 15, 1)], [TOOLBOX, MARQUARDT]):
+        many, *fewer = alone_and_in_company(size, schedule)
         for less in fewer:
             for name, curve in less.history.items():
-                assert curve.tobytes() == many.history[name][: len(curve), : curve.shape[1]].tobytes(), (size, name)
+                assert curve.tobytes() == many.history[name][: len(curve), : curve.shape[1]].tobytes(), (size, schedule.name, name)
             for k, net in enumerate(less.networks):
                 assert net.W1.tobytes() == many.networks[k].W1.tobytes()
 
@@ -295,6 +339,7 @@ def test_bad_data_and_settings_are_refused(arguments, message):
         (dict(mu_max=1e-9), "mu_max = 1e-09: .*above 0.001"),
         (dict(down=1.5), "down = 1.5: .*at most 1"),
         (dict(up=1.0), "up = 1.0: .*above 1"),
+        (dict(acceleration=-0.1), "acceleration = -0.1: .*at least 0"),
         (dict(epochs=0), "epochs = 0: .*at least 1"),
         (dict(patience=0), "patience = 0: .*at least 1"),
     ],
