@@ -54,6 +54,11 @@ def points(network, n, beyond=0.2):
     return np.maximum(x, 0).astype(np.float32).astype(float)
 
 
+def quantised(motor):
+    found, network = motor
+    return fixed_point.quantised(network, None if found.machine is DFIM_4KW else found.machine)
+
+
 def q15_points(n=20_000):
     """Return int16 pairs: every pair of extremes, and many between."""
     edges = [-32768, -32767, -1, 0, 1, 32766, 32767]
@@ -70,7 +75,10 @@ def within_full_scale(q15, values):
 def test_compiled_q15_is_the_python_integers_bit_for_bit(motor, tmp_path, checked):
     """Over the whole int16 plane, extremes included, with and without the sanitizer of undefined behaviour."""
     q = q15_points()
-    assert np.array_equal(compiled(tmp_path, motor, checked=checked).q15(q), fixed_point.quantised(motor[1]).evaluate(q))
+    got, status = compiled(tmp_path, motor, checked=checked).q15(q)
+    q15 = quantised(motor)
+    assert np.array_equal(got, q15.evaluate(q)) and np.array_equal(status, q15.status(q))
+    assert {*np.unique(status)} == {0, 3, 4}
 
 
 @needs_gcc
