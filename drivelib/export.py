@@ -2,15 +2,21 @@
 
     files = export.files(found, network, headroom=0.95)   # {name: bytes}
     export.write(folder, files)
+
+A notebook calls `keep` after `finish`, so that a run that failed leaves none.
 """
 
+import json
 import re
 from pathlib import Path
 
 import numpy as np
 
-from drivelib import export_c, export_c_dfim, export_c_pmsm, fixed_point, loss_map
+from IPython.display import Markdown, display
+
+from drivelib import export_c, export_c_dfim, export_c_pmsm, fixed_point, loss_map, paths
 from drivelib.dfim_map import DfimMap
+from drivelib.record import EXPORTS, write_atomically
 from drivelib.validation import number
 
 LIMIT_STEPS = 65
@@ -174,9 +180,36 @@ def files(found, network, *, headroom=0.95):
 
 def write(folder, made):
     """Write `files` into a folder, each complete or not at all; return the paths."""
-    from drivelib.record import write_atomically
-
     return [write_atomically(Path(folder) / name, content) for name, content in made.items()]
+
+
+def own_name(item, others=()):
+    """Return the name of a reader's motor: ``name`` of a notebook's parameters, with "changed" while only the rest is the reader's.
+
+    So that no file under the worked example's name holds other numbers than it. ``item`` is the notebook's record,
+    ``others`` are the names of the other motors that it exports.
+
+    Raises
+    ------
+    ValueError
+        If the name is that of another motor, whose files would take the place of the reader's.
+    """
+    published, name = paths.figure(item.item, "json"), item.parameters["name"]
+    if c_name(name) in map(c_name, others):
+        raise ValueError(f"name = {name!r}: another motor of this notebook has it; give yours a name of its own")
+    if item.published or not published.exists():
+        return name
+    example = json.loads(published.read_text(encoding="utf-8"))["parameters"]
+    return f"{name}, changed" if name == example["name"] and item.parameters != example else name
+
+
+def keep(item, made):
+    """Write `files` of a finished run: published ones to build/exports, a reader's into the run's own folder; say where."""
+    folder = paths.build(EXPORTS) if item.published else item.folder / EXPORTS
+    write(folder, made)
+    where = f"`build/{EXPORTS}`" if item.published else f"`{EXPORTS}`, beside this run's figure and numbers"
+    display(Markdown(f"For firmware, in {where}: {', '.join(f'`{name}`' for name in made)}."))
+    return folder
 
 
 def memory(network):
