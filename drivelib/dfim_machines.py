@@ -95,7 +95,7 @@ class DfimParameters(ParameterSet):
 
 _PUBLIC = "github.com/yousfi26/Matlab-Simulink-codes at 3b73e12, script_param.m"
 _GYM = "github.com/upb-lea/gym-electric-motor at 5555196, doubly_fed_induction_motor.py"
-_RECALLED = Origin("found", "recalled from the same literature, unconfirmed")
+_RECALLED = Origin("assumed", "quoted from memory, as the literature on DFIM drives has it; no source was found to hold it against")
 _SCRIPT = Origin("found", _PUBLIC)
 
 DFIM_4KW = DfimParameters(

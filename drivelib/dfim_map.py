@@ -43,6 +43,12 @@ class DfimMap:
     targets: ClassVar = {"phi_r": "Wb", "i_rd": "A"}  # what a network learns, with units
 
     @property
+    def inverter(self):
+        """The limits in words, for messages."""
+        inside = self.limits
+        return f"{inside.phi_r:.4g} Wb, {inside.V_s:.4g} and {inside.V_r:.4g} V, {inside.I_s:.4g} and {inside.I_r:.4g} A (peak)"
+
+    @property
     def reachable(self):
         """Share of the grid that the limits allow (1)."""
         return float(np.mean(self.best.feasible))
@@ -58,12 +64,13 @@ def dfim_map(machine, omega_m, T_e, limits):
     Raises
     ------
     ValueError
-        If a grid is not sorted or starts below zero (motoring only), a resistance is zero, or no point of the
-        grid is inside the limits.
+        If a grid is not sorted, the speed starts below zero (motoring only) or the torque at or below it (at no torque the
+        least loss is no flux, from which no torque can come), a resistance is zero, or no point of the grid is
+        inside the limits.
     """
     omega_m, T_e = grid("omega_m", omega_m, "rad/s"), grid("T_e", T_e, "N m")
     array("omega_m", omega_m, "rad/s", at_least=0)
-    array("T_e", T_e, "N m", at_least=0)
+    array("T_e (torque_range)", T_e, "N m", above=0)
     best = dfim_optimum.optimum(machine, omega_m[:, None], T_e[None, :], limits)
     if not best.feasible.any():
         raise ValueError(

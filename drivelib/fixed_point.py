@@ -3,6 +3,15 @@
 Inputs and outputs are int16, q = value / full_scale · 2¹⁵. A row of weights (one neuron) holds f fractional
 bits of its own, chosen as large as 16-bit weights and a 32-bit accumulator allow, so that no sum can overflow.
 tanh is a table of 2⁶ steps per unit up to 8 with linear interpolation; beyond, it saturates.
+
+Outside the training range nothing is extrapolated. The network is asked at the nearest |ω_m| and |T| inside; with ω and ω'
+the electrical speed there and the one asked for (at most the end of the range), a PMSM's currents then follow as
+
+    i_oq = (i_q − ω (ψ + L_d i_d)/R_c)/(1 + ω² L_d L_q/R_c²)      i_od = i_d + ω L_q i_oq/R_c
+    i_d' = i_od − ω' L_q s i_oq/R_c      i_q' = s i_oq + ω' (ψ + L_d i_od)/R_c
+
+with s = T/T_low below the range, else the sign of T: the torque is in proportion to i_oq at given i_od, and a mirrored
+point loses as little as it did, for in constant torque's loss, voltage and current only the term c q is odd (`pmsm_optimum`).
 """
 
 from dataclasses import dataclass
@@ -17,6 +26,8 @@ TABLE_END = 8  # tanh(8) = 1 - 2.3e-7, far below one step of Q15
 TABLE = np.minimum(np.rint(np.tanh(np.arange((TABLE_END << STEP_BITS) + 1) / (1 << STEP_BITS)) * ONE), ONE - 1).astype(np.int64)
 MARGIN = 1 + 1 / 16  # full scale beyond the largest value of the training data
 LARGEST_BITS, SMALLEST_BITS = 15, 6
+IRON_LIMIT = 32.0  # of a current's full scale: up to there no product of the extension overflows
+INSIDE, EXTENDED, HELD = 0, 3, 4  # as the header has them
 
 
 @dataclass(frozen=True)
@@ -28,14 +39,17 @@ class Q15Network:
     x_scale, y_scale : ndarray of float
         Full scale of inputs and outputs: what 2¹⁵ stands for.
     x_low, x_high : ndarray of int
-        Training range of the inputs; they are clamped to it.
+        Training range of the inputs.
     W1, B1, f1 : ndarray of int, shapes (n_hidden, n_in), (n_hidden,), (n_hidden,)
         Weights with f1 fractional bits, biases with f1 + 15, and f1.
     W2, B2, f2 : ndarray of int, shapes (n_out, n_hidden), (n_out,), (n_out,)
         The same of the output layer.
     bound : ndarray of float, shape (n_out,)
         Largest possible error against the float64 network at the same inputs, in the units of the outputs, where
-        these lie within full scale; beyond, the output saturates.
+        these lie within full scale and inside the training range; beyond, the output saturates.
+    iron : tuple of int, or None
+        ψ, L_d and L_q over R_c times full-scale electrical speed, in Q15 of the currents; None for references that
+        depend on |ω_m| and |T| alone.
     """
 
     x_scale: np.ndarray
@@ -49,6 +63,7 @@ class Q15Network:
     B2: np.ndarray
     f2: np.ndarray
     bound: np.ndarray
+    iron: tuple | None = None
 
     def to_q15(self, x):
         """Return inputs in Q15, rounded and saturated to int16."""
@@ -60,22 +75,57 @@ class Q15Network:
 
     def evaluate(self, q):
         """Return the Q15 outputs, shape (..., n_out), at Q15 inputs, bit for bit as the exported C."""
-        q = np.clip(np.asarray(q, dtype=np.int64), self.x_low, self.x_high)
-        hidden = _tanh(q @ self.W1.T + self.B1, self.f1)
-        return np.clip(_rounded(hidden @ self.W2.T + self.B2, self.f2), -ONE, ONE - 1)
+        q = np.asarray(q, dtype=np.int64)
+        hidden = _tanh(np.clip(np.abs(q), self.x_low, self.x_high) @ self.W1.T + self.B1, self.f1)
+        inside = np.clip(_rounded(hidden @ self.W2.T + self.B2, self.f2), -ONE, ONE - 1)
+        if self.iron is None:
+            return inside
+        return np.where((self.status(q) == INSIDE)[..., None], inside, self._extended(q, inside))
+
+    def status(self, q):
+        """Return INSIDE, EXTENDED or HELD for Q15 inputs, as the exported C."""
+        q = np.asarray(q, dtype=np.int64)
+        inside = np.all((self.x_low <= q) & (q <= self.x_high), axis=-1)
+        return np.where(inside, INSIDE, np.where(np.all(np.abs(q) <= self.x_high, axis=-1), EXTENDED, HELD))
+
+    def _extended(self, q, currents):
+        """Return the currents at Q15 inputs from those at the nearest speed and torque inside; see the module's text."""
+        (omega_m, torque), (i_d, i_q) = np.moveaxis(q, -1, 0), np.moveaxis(currents, -1, 0)
+        iron_0, iron_d, iron_q = self.iron
+        low = self.x_low[1]
+        small = np.abs(torque) < low
+        share = np.where(small, np.sign(torque) * (np.abs(torque) * ONE // max(low, 1)), np.where(torque < 0, -ONE, ONE))
+        forward = np.where(omega_m < 0, -1, 1)
+        given, asked = (np.clip(np.abs(omega_m), least, self.x_high[0]) for least in (self.x_low[0], 0))
+        turn_d, turn_q = _times(iron_d, given), _times(iron_q, given)
+        left = i_q - _times(iron_0, given) - _times(turn_d, i_d)
+        branch_q = np.sign(left) * (np.abs(left) * ONE // (ONE + _times(turn_d, turn_q)))  # towards zero, as C divides
+        branch_d = i_d + _times(turn_q, branch_q)
+        made = _times(forward * share, branch_q)
+        d = branch_d - _times(_times(iron_q, asked), made)
+        q = forward * (made + _times(iron_0, asked) + _times(_times(iron_d, asked), branch_d))
+        return np.clip(np.stack([d, q], axis=-1), -ONE, ONE - 1)
 
     def predict(self, x):
         """Return the outputs in the units of the data, at inputs in theirs: quantised, evaluated, scaled back."""
         return self.evaluate(self.to_q15(x)) * self.y_scale / ONE
 
 
-def quantised(network):
+def quantised(network, machine=None):
     """Return a network (`drivelib.neural.Network`, tanh) as a `Q15Network`.
+
+    Parameters
+    ----------
+    network : neural.Network
+        (ω_m, T) → two outputs.
+    machine : machines.PmsmParameters, optional
+        Given where the outputs are its currents i_d and i_q, which change with the signs of speed and torque.
 
     Raises
     ------
     ValueError
-        If its hidden layer is not tanh, or a neuron's weights are too large for 16 bits.
+        If its hidden layer is not tanh, a neuron's weights are too large for 16 bits, or R_c is so small that the iron
+        loss takes more than 32 times the currents' full scale.
     """
     if network.activation != "tanh":
         raise ValueError(f"activation = {network.activation!r}: only 'tanh' has a Q15 form")
@@ -87,8 +137,18 @@ def quantised(network):
     f1, f2 = _fractional_bits("W1", *first), _fractional_bits("W2", *second)
     edges = [np.rint(end / x_scale * ONE).astype(np.int64) for end in (inputs.low, inputs.high)]
     return Q15Network(
-        x_scale, y_scale, *edges, *_integers(*first, f1), f1, *_integers(*second, f2), f2, _bound(W1 * x_scale, f1, second[0], f2, edges) * y_scale
+        x_scale, y_scale, *edges, *_integers(*first, f1), f1, *_integers(*second, f2), f2, _bound(W1 * x_scale, f1, second[0], f2, edges) * y_scale,
+        None if machine is None else _iron(machine, x_scale[0], y_scale),
     )
+
+
+def _iron(machine, omega_m, y_scale):
+    scale_d, scale_q = y_scale
+    speed = machine.P * omega_m / machine.R_c
+    shares = np.array([speed * machine.psi_f / scale_q, speed * machine.L_d * scale_d / scale_q, speed * machine.L_q * scale_q / scale_d])
+    if np.any(shares >= IRON_LIMIT):
+        raise ValueError(f"R_c = {machine.R_c:g} ohm: the iron loss takes {np.max(shares):.3g} times the full scale of a current, more than {IRON_LIMIT:g}; must be larger")
+    return tuple(int(value) for value in np.rint(shares * ONE))
 
 
 def _fractional_bits(name, W, B):
@@ -141,6 +201,10 @@ def _tanh(z, bits):
 def _rounded(value, bits):
     half = 1 << (bits - 1)
     return np.where(value >= 0, (value + half) >> bits, -((half - value) >> bits))
+
+
+def _times(a, b):
+    return _rounded(a * b, 15)
 
 
 def float32_predict(network, x):

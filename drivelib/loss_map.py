@@ -49,6 +49,11 @@ class LossMap:
     targets: ClassVar = {"i_d": "A", "i_q": "A"}  # what a network learns, with units
 
     @property
+    def inverter(self):
+        """The limits in words, for messages."""
+        return f"{self.V_max:.4g} V and {self.I_max:.4g} A (peak)"
+
+    @property
     def reachable(self):
         """Share of the grid that the limits allow (1)."""
         return float(np.mean(self.best.feasible))
@@ -97,6 +102,32 @@ def reach(optimum, omega_m, T_low, T_high):
         return ~optimum(omega_m, T_e).feasible * 1.0
 
     return last_below(unreachable, 0.5, np.full(omega_m.shape, float(T_low)), float(T_high))
+
+
+def rated_torque(found, needed=0.0):
+    """Return the largest torque (N m) at rated speed inside the limits of a map, at most ten times the rated one.
+
+    ``found`` is a `LossMap` or a `dfim_map.DfimMap`. Asked before a network is trained in vain.
+
+    Raises
+    ------
+    ValueError
+        If no current of the inverter makes any torque at rated speed, or not the torque ``needed`` (N m).
+    """
+    number("needed", needed, "N m", at_least=0)
+    machine = found.machine
+    torque = float(reach(found.optimum, machine.omega_m_rated, 0.0, 10 * machine.T_rated))
+    if not torque > 0:
+        raise ValueError(f"{machine.name}: at rated speed ({machine.omega_m_rated:.4g} rad/s) no current inside {found.inverter} makes torque; check V_dc, the speed and units")
+    if torque < needed:
+        raise ValueError(f"{machine.name}: at rated speed ({machine.omega_m_rated:.4g} rad/s) {found.inverter} make {torque:.4g} N m at most, not the {needed:.4g} N m asked for; check V_dc, T_rated and units")
+    return torque
+
+
+def percent_above(excess, least):
+    """Return an excess of loss (W) as share of the least loss (W) in %; NaN where that is zero: at standstill without torque."""
+    excess, least = np.asarray(excess, dtype=float), np.asarray(least, dtype=float)
+    return 100 * excess / np.where(least > 0, least, np.nan)
 
 
 def torque_limit(found, omega_m, headroom):

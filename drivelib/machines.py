@@ -90,6 +90,16 @@ class ParameterSet:
         kept = {name: origin for name, origin in self.origins.items() if values.get(name, getattr(self, name)) == getattr(self, name)}
         return replace(self, **{**values, "origins": {**kept, **values.get("origins", {})}})
 
+    def own(self, **values):
+        """Return a reader's machine: as `changed`, but once a number differs none of those named keeps its origin.
+
+        What then agrees with this machine does so by chance.
+        """
+        found = self.changed(**values)
+        if all(getattr(found, name) == getattr(self, name) for name in self.UNITS):
+            return found
+        return found.changed(origins={name: GIVEN for name in values if name in self.UNITS})
+
     def rows(self):
         """Return one row per value: (name, value, unit, class of origin, note with range)."""
         rows = []

@@ -143,7 +143,7 @@ def closed_form(machine, passes=3):
 
 
 def exact(found):
-    """Return the exact optimum inside the limits as a `Rival`: Newton's method, as `export_c.FORMULA` has it."""
+    """Return the exact optimum inside the limits as a `Rival`: Newton's method, as `export_c_pmsm.FORMULA` has it."""
     machine = found.machine
 
     def currents(x):
@@ -184,7 +184,7 @@ def _clamped(value, low, high):
 
 
 def _optimum(m, V_max, I_max, omega_m, T_e):
-    """The C function of `export_c.FORMULA`, operation by operation."""
+    """The C function of `export_c_pmsm.FORMULA`, operation by operation."""
     w, q, G = m.P * omega_m, T_e * (1.0 / (1.5 * m.P)), 1.0 / m.R_c
     scaled, wG = w * (1.0 + m.R_s * G), w * G
     loss = (m.R_s, w * w * (G * (1.0 + m.R_s * G)), None)

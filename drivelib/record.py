@@ -24,6 +24,7 @@ DIGITS = 9  # what survives a change of processor and compiler with margin; more
 PUBLISH = "DRIVELIB_PUBLISH"
 OUT = "DRIVELIB_OUT"
 SUFFIXES = ("png", "svg", "csv")
+EXPORTS = "exports"  # folder of a run's firmware files
 UNPUBLISHED = "not the published conditions"
 
 
@@ -76,11 +77,11 @@ class Record:
             say = "Not pinned, so the last digits may differ from the published ones: " + ", ".join(pins)
             _say(f"> {say}. `make lab` sets them.")
 
-    def machine(self, machine):
-        """Note a machine set and show its values with unit and origin."""
+    def machine(self, machine, without=()):
+        """Note a machine set and show its values with unit and origin, but those named in ``without``."""
         self.machines.append(machine.name)
         rows = ["| value | | unit | origin | note |", "|---|---:|---|---|---|"]
-        rows += [f"| {name} | {value:.6g} | {unit} | {kind} | {note} |" for name, value, unit, kind, note in machine.rows()]
+        rows += [f"| {name} | {value:.6g} | {unit} | {kind} | {note} |" for name, value, unit, kind, note in machine.rows() if name not in without]
         _say(f"**{machine.name}**\n\n" + "\n".join(rows))
 
     def number(self, name, value, unit, meaning):

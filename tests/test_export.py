@@ -47,11 +47,64 @@ def compiled(tmp_path, motor, **options):
     return Exported(tmp_path, export.c_name(found.machine.name), export.c_header(found, network), **options)
 
 
-def points(network, n, beyond=0.2):
-    """Return operating points all over the training range, and a fifth of it beyond."""
-    span = network.inputs.high - network.inputs.low
-    x = np.random.default_rng(1).uniform(network.inputs.low - beyond * span, network.inputs.high + beyond * span, (n, 2))
-    return np.maximum(x, 0).astype(np.float32).astype(float)
+def points(network, n):
+    """Return operating points all over the training range, its corners among them."""
+    low, high = single_range(network)
+    x = np.random.default_rng(1).uniform(low, high, (n, 2)).astype(np.float32).astype(float)
+    x[:4] = [[low[0], low[1]], [low[0], high[1]], [high[0], low[1]], high]
+    return np.clip(x, low, high)
+
+
+def single_range(network):
+    """Return the training range as the header holds it."""
+    return fixed_point.single(network.inputs.low), fixed_point.single(network.inputs.high)
+
+
+def outside_points(network, n=4_000):
+    """Return operating points of either sign up to 130 % of the range, none of them in it; standstill and no torque among them."""
+    low, high = single_range(network)
+    x = np.random.default_rng(3).uniform(-1.3 * high, 1.3 * high, (n, 2))
+    x[: n // 4, 1] = np.linspace(-low[1], low[1], n // 4)
+    edges = np.array(list(itertools.product(*([-1.3 * b, -b, -a, 0.0, a / 2, a, b, 1.3 * b] for a, b in zip(low, high, strict=True)))))
+    x = np.concatenate([x, edges]).astype(np.float32).astype(float)
+    return x[np.any((x < low) | (x > high), axis=1)]
+
+
+def wanted_outside(motor, x, network=None):
+    """Return the outputs outside the range, from the physics: nearest point inside, branch currents, torque in proportion to i_oq.
+
+    Signed speed goes straight into `pmsm.terminal_currents`; a DFIM's references take sizes alone.
+    """
+    found, trained = motor
+    network, (low, high) = network or trained.predict, single_range(trained)
+    inside = np.clip(np.abs(x), low, high)
+    y = network(inside)
+    if found.machine is DFIM_4KW:
+        return y
+    m = found.machine
+    i_od, i_oq = pmsm.branch_currents(m, m.P * inside[:, 0], *y.T)
+    share = np.clip(x[:, 1] / low[1], -1, 1)
+    return np.column_stack(pmsm.terminal_currents(m, m.P * np.clip(x[:, 0], -high[0], high[0]), i_od, share * i_oq))
+
+
+def iron_shares(motor):
+    """Return (α, β) = ω (L_q, L_d)/R_c at the highest speed: what a current adds to the other axis."""
+    found, network = motor
+    speed = found.machine.P * network.inputs.high[0] / found.machine.R_c
+    return speed * found.machine.L_q, speed * found.machine.L_d
+
+
+def carried(bound, alpha, beta):
+    """Return what errors of i_d and i_q become outside the range, where i_oq, i_od and both currents follow from them in turn."""
+    d, q = bound
+    branch_q = q + beta * d
+    branch_d = d + alpha * branch_q
+    return np.array([branch_d + alpha * branch_q, branch_q + beta * branch_d])
+
+
+def quantised(motor):
+    found, network = motor
+    return fixed_point.quantised(network, None if found.machine is DFIM_4KW else found.machine)
 
 
 def q15_points(n=20_000):
@@ -70,17 +123,22 @@ def within_full_scale(q15, values):
 def test_compiled_q15_is_the_python_integers_bit_for_bit(motor, tmp_path, checked):
     """Over the whole int16 plane, extremes included, with and without the sanitizer of undefined behaviour."""
     q = q15_points()
-    assert np.array_equal(compiled(tmp_path, motor, checked=checked).q15(q), fixed_point.quantised(motor[1]).evaluate(q))
+    got, status = compiled(tmp_path, motor, checked=checked).q15(q)
+    q15 = quantised(motor)
+    assert np.array_equal(got, q15.evaluate(q)) and np.array_equal(status, q15.status(q))
+    assert {*np.unique(status)} == {0, 3, 4}
 
 
 @needs_gcc
 def test_compiled_q15_errs_within_its_stated_bound(motor, tmp_path):
     """Against the float64 network at the inputs that the integers stand for: half a step per rounding, carried to the output."""
     _, network = motor
-    q15 = fixed_point.quantised(network)
+    q15 = quantised(motor)
     q = q15.to_q15(points(network, 10_000))
     x = np.clip(q15.from_q15(q), network.inputs.low, network.inputs.high)
-    error = np.abs(compiled(tmp_path, motor).q15(q) * q15.y_scale / 2**15 - within_full_scale(q15, network.predict(x)))
+    got, status = compiled(tmp_path, motor).q15(q)
+    assert np.all(status == 0)
+    error = np.abs(got * q15.y_scale / 2**15 - within_full_scale(q15, network.predict(x)))
     assert np.all(error <= q15.bound)
     assert np.all(q15.bound <= 0.02 * q15.y_scale)  # a bound of 2 % of full scale or more would say nothing
 
@@ -88,14 +146,162 @@ def test_compiled_q15_errs_within_its_stated_bound(motor, tmp_path):
 @needs_gcc
 @pytest.mark.parametrize("checked", [True, False], ids=["sanitizer", "plain"])
 def test_compiled_float_network_errs_within_the_bound_of_single_precision(motor, tmp_path, checked):
-    """γ_n on every sum, two units for tanhf; beyond the training range the inputs are held at its border."""
+    """γ_n on every sum, two units for tanhf."""
     _, network = motor
     x = points(network, 10_000)
-    wanted = network.predict(np.clip(x, network.inputs.low, network.inputs.high))
-    error = np.abs(compiled(tmp_path, motor, checked=checked).floats(x)["network"] - wanted)
-    bound = fixed_point.float32_bound(network)
+    wanted = network.predict(x)
+    out = compiled(tmp_path, motor, checked=checked).floats(x)
+    assert np.all(out["status"] == 0)
+    error, bound = np.abs(out["network"] - wanted), fixed_point.float32_bound(network)
     assert np.all(error <= bound)
     assert np.all(bound <= 1e-3 * np.max(np.abs(wanted), axis=0))
+
+
+@needs_gcc
+@pytest.mark.parametrize("checked", [True, False], ids=["sanitizer", "plain"])
+def test_outside_the_range_the_float_network_answers_by_symmetry_and_says_so(motor, tmp_path, checked):
+    """Status from the range alone; the outputs from `wanted_outside`, to single precision."""
+    network = motor[1]
+    x = outside_points(network)
+    out = compiled(tmp_path, motor, checked=checked).floats(x)
+    held = np.any(np.abs(x) > single_range(network)[1], axis=1)
+    assert np.array_equal(out["status"], np.where(held, 4, 3)) and 0.2 < np.mean(held) < 0.8
+    wanted, bound = wanted_outside(motor, x), fixed_point.float32_bound(network)
+    if motor[0].machine is not DFIM_4KW:
+        alpha, beta = iron_shares(motor)
+        bound = carried(bound, alpha, beta) + 32 * UNIT * (1 + alpha + beta) ** 2 * np.max(np.abs(wanted))
+    assert np.all(np.abs(out["network"] - wanted) <= bound)
+
+
+@needs_gcc
+def test_outside_the_range_q15_answers_as_the_physics_does(motor, tmp_path):
+    """At the inputs that the integers stand for. Steps of rounding: 6 in i_oq, 1.5 + 6 α in i_od, 7.5 in what is made of it, 2 more each in the ends."""
+    _, network = motor
+    q15 = quantised(motor)
+    q = q15.to_q15(outside_points(network))
+    got, status = compiled(tmp_path, motor).q15(q)
+    outside = status > 0
+    x = q15.from_q15(q)
+    inside = np.where(np.abs(x) <= q15.from_q15(q15.x_low), network.inputs.low, np.abs(x))  # the ends of the range are rounded too
+    share = np.clip(q[:, 1] / q15.x_low[1], -1, 1)
+    x = np.column_stack([x[:, 0], np.where(np.abs(share) < 1, share * network.inputs.low[1], np.sign(x[:, 1]) * inside[:, 1])])
+    wanted, steps = wanted_outside(motor, x, lambda x: within_full_scale(q15, network.predict(x))), np.zeros(2)
+    bound = q15.bound
+    if motor[0].machine is not DFIM_4KW:
+        alpha, beta = iron_shares(motor)
+        d, q_ = q15.y_scale
+        bound = carried(bound, alpha, beta)
+        a, b = alpha * q_ / d, beta * d / q_  # in steps
+        steps = np.array([3.5 + 13.5 * a, 10 + b * (1.5 + 6 * a)]) * q15.y_scale / 2**15
+    assert np.mean(outside) > 0.9
+    error = np.abs(got * q15.y_scale / 2**15 - within_full_scale(q15, wanted))[outside]
+    assert np.all(error <= bound + steps + 1e-6)
+
+
+@needs_gcc
+def test_no_torque_braking_and_reverse_make_the_torque_asked_for_inside_the_limits(pmsm_motor, tmp_path):
+    """Of the compiled currents, float and Q15: torque and its sign as well as at the point inside; no more voltage or current than there."""
+    found, network = pmsm_motor
+    m, q15, (low, high) = found.machine, quantised(pmsm_motor), single_range(network)
+    exported, x = compiled(tmp_path, pmsm_motor), outside_points(network)
+    out = exported.floats(x)
+    x, currents = x[out["status"] == 3], out["network"][out["status"] == 3]
+    inside = np.clip(np.abs(x), low, high)
+    error = made_torque(m, inside[:, 0], network.predict(inside)) - inside[:, 1]  # what the network errs by there
+    allowed = np.abs(error) * np.abs(x[:, 1]) / inside[:, 1]
+    torque = made_torque(m, x[:, 0], currents)
+    rounding = 64 * UNIT * m.T_rated
+    assert np.all(np.abs(torque - x[:, 1]) <= allowed + rounding)
+    none = x[:, 1] == 0
+    assert np.sum(none) >= 5 and np.all(np.abs(torque[none]) <= rounding)
+    still = none & (x[:, 0] == 0)
+    assert np.any(still) and np.all(currents[still, 1] == 0)
+    there, here = strain(m, inside[:, 0], network.predict(inside)), strain(m, x[:, 0], currents)
+    assert all(np.all(a <= b * (1 + 64 * UNIT)) for a, b in zip(here, there, strict=True))
+
+    reached = inside[:, 1] <= loss_map.torque_limit(found, inside[:, 0], 0.95)  # beyond it the outputs may leave full scale
+    x, allowed = x[reached], allowed[reached]
+    got, status = exported.q15(q15.to_q15(x))
+    coarse = made_torque(m, q15.from_q15(q15.to_q15(x))[:, 0], got * q15.y_scale / 2**15)
+    step = 1.5 * m.P * (m.psi_f + np.abs(m.delta_L) * q15.y_scale[0]) * np.sum(carried(q15.bound, *iron_shares(pmsm_motor)) + 32 * q15.y_scale / 2**15)
+    assert np.all(np.abs(coarse - x[:, 1])[status == 3] <= (allowed + step)[status == 3]) and np.mean(status == 3) > 0.9
+    assert step < 0.1 * m.T_rated
+
+
+def made_torque(machine, omega_m, currents):
+    return pmsm.torque(machine, *pmsm.branch_currents(machine, machine.P * omega_m, *currents.T))
+
+
+def strain(machine, omega_m, currents):
+    """Return (voltage, current) of terminal currents."""
+    branch = pmsm.branch_currents(machine, machine.P * omega_m, *currents.T)
+    return pmsm.stator_voltage(machine, machine.P * omega_m, *branch), np.hypot(*currents.T)
+
+
+def test_a_mirrored_optimum_is_the_optimum_of_braking(pmsm_motor):
+    """Brute force over i_od: where no limit acts no current brakes with less loss than the motoring optimum mirrored."""
+    m = pmsm_motor[0].machine
+    i_od = np.linspace(-2 * CURRENT[m], 0.5 * CURRENT[m], 20_001)
+    for speed, torque in itertools.product((0.1, 0.6, 1.4), (0.1, 0.5, 1.0)):
+        omega_e, T_e = speed * m.omega_e_rated, torque * m.T_rated
+        motoring = pmsm_optimum.optimum(m, omega_e, T_e)
+        mirrored = pmsm.total_loss(m, omega_e, motoring.i_od, -motoring.i_oq)
+        every = pmsm.total_loss(m, omega_e, i_od, pmsm.i_oq_at_torque(m, -T_e, i_od))
+        step = np.max(np.abs(np.diff(every)))
+        assert np.min(every) - step <= mirrored <= np.min(every) * (1 + 1e-9)
+
+
+@needs_gcc
+def test_the_dfims_references_hold_flux_and_limits_outside_the_range(tmp_path):
+    """Flux never below that of the lowest torque; braking and reverse, with currents and frequency of the header, strain no limit more than motoring."""
+    found, network = motor = made(DFIM_4KW)
+    m, exported, x = found.machine, compiled(tmp_path, motor), outside_points(network)
+    out = exported.floats(x)
+    x, (phi_r, i_rd) = x[out["status"] == 3], out["network"][out["status"] == 3].T
+    low, high = single_range(network)
+    inside = np.clip(np.abs(x), low, high)
+    drive = Exported(tmp_path, export.c_name(m.name), export.c_header(*motor), main=DFIM_MAIN)
+
+    def excess(x):
+        currents = drive.references(np.column_stack([x[:, 1], phi_r, i_rd]))[:, :3]
+        frequency = drive.references(np.column_stack([x[:, 1], x[:, 0] / 100, i_rd]))[:, 3]
+        made = dfim_optimum.point(m, *x.T, phi_r, i_rd, frequency)
+        assert np.allclose(currents, np.column_stack([made.i_sd, made.i_sq, made.i_rq]), atol=1e-4)
+        return dfim_optimum.excess(made, found.limits)
+
+    assert np.all(phi_r >= 0.9 * min(dfim_optimum.free_flux(m, low[1]), found.limits.phi_r))
+    reached = inside[:, 1] <= loss_map.torque_limit(found, inside[:, 0], 0.95)
+    assert np.sum(reached) > 200
+    assert np.all((excess(x) <= excess(inside) + 1e-3)[reached])
+
+
+@needs_gcc
+def test_the_dfims_formula_keeps_a_flux_at_no_torque(tmp_path):
+    """Between none and the lowest torque, of either sign: the flux of the lowest torque, and a status that says so."""
+    found, network = motor = made(DFIM_4KW)
+    low, _ = single_range(network)
+    torque = np.concatenate([np.linspace(-0.999, 0.999, 101) * low[1], [0.0]])
+    out = compiled(tmp_path, motor).floats(np.column_stack([np.full(torque.shape, 30.0), torque]))
+    floor = dfim_optimum.free_flux(found.machine, low[1])
+    assert np.all(out["flag"] == 1)
+    assert np.allclose(out["optimum"], [floor, dfim_optimum.free_i_rd(found.machine, floor)], rtol=64 * UNIT)
+
+
+@needs_gcc
+def test_what_is_no_number_and_what_is_infinite_is_held(motor, tmp_path):
+    out = compiled(tmp_path, motor).floats([[np.nan, 1.0], [1.0, np.nan], [np.inf, 1.0], [1.0, -np.inf]])
+    assert np.all(out["status"] == 4)
+    assert np.all(np.isnan(out["network"][:2])) and np.all(np.isfinite(out["network"][2:]))
+
+
+@needs_gcc
+def test_beyond_the_range_the_torque_limit_is_none_and_reverse_is_forwards(motor, tmp_path):
+    network = motor[1]
+    x = outside_points(network)
+    exported = compiled(tmp_path, motor)
+    out, forwards = exported.floats(x)["limit"], exported.floats(np.abs(x))["limit"]
+    assert np.array_equal(out, forwards)
+    assert np.all(out[np.abs(x[:, 0]) > single_range(network)[1][0]] == 0) and np.any(out > 0)
 
 
 @needs_gcc
@@ -106,7 +312,7 @@ def test_compiled_formula_makes_the_torque_at_the_least_loss_inside_the_limits(p
     """
     found, network = pmsm_motor
     machine, allowed = found.machine, 64 * UNIT
-    x = points(network, 4_000, beyond=0.0)
+    x = points(network, 4_000)
     out = compiled(tmp_path, pmsm_motor).floats(x)
     omega_e, T_e = machine.P * x[:, 0], x[:, 1]
     best, tighter, wider = (
@@ -149,7 +355,7 @@ def test_compiled_torque_limit_is_reachable_and_close(motor, tmp_path):
 def test_compiled_dfim_formula_is_the_optimum_where_no_inverter_limit_acts(tmp_path, checked):
     """Flags as the Python optimum has them, but within 1e-4 of a limit; references to 64 roundings; both torque and flux kept."""
     found, network = motor = made(DFIM_4KW)
-    x = points(network, 4_000, beyond=0.0)
+    x = points(network, 4_000)
     exported = compiled(tmp_path, motor, checked=checked)
     out = exported.floats(x)
     best = found.optimum(*x.T)
@@ -159,6 +365,7 @@ def test_compiled_dfim_formula_is_the_optimum_where_no_inverter_limit_acts(tmp_p
     clear = np.min([abs(used - 1) for used in usage(free, found.limits)] + [abs(flux_alone / found.limits.phi_r - 1)], axis=0) > 1e-4
     assert 0.05 < np.mean(beyond) < 0.95 and np.mean(clear) > 0.95
     assert np.array_equal((out["flag"] == 2)[clear], beyond[clear])
+    clear &= x[:, 1] > single_range(network)[0][1]  # there the floor of the flux begins
     assert np.array_equal((out["flag"] == 1)[clear], (best.capped & ~beyond)[clear])
     assert np.all(out["optimum"][out["flag"] == 2] == -1)
     kept = clear & ~beyond
@@ -214,14 +421,14 @@ def some_map():
 def test_a_harsh_network_stays_exact_and_defined_too(some_map, tmp_path, seed):
     """Nothing overflows whatever the weights, and the stated bound still holds."""
     network = harsh(seed)
-    q15, exported, q = fixed_point.quantised(network), compiled(tmp_path, (some_map, network)), q15_points(5_000)
-    got = exported.q15(q)
+    q15, exported, q = quantised((some_map, network)), compiled(tmp_path, (some_map, network)), q15_points(5_000)
+    got, status = exported.q15(q)
     assert np.array_equal(got, q15.evaluate(q))
-    x = np.clip(q15.from_q15(q), network.inputs.low, network.inputs.high)
-    assert np.all(np.abs(got * q15.y_scale / 2**15 - within_full_scale(q15, network.predict(x))) <= q15.bound)
+    x, inside = np.clip(q15.from_q15(q), network.inputs.low, network.inputs.high), status == 0
+    assert np.mean(inside) > 0.1
+    assert np.all((np.abs(got * q15.y_scale / 2**15 - within_full_scale(q15, network.predict(x))) <= q15.bound)[inside])
     x = points(network, 5_000)
-    wanted = network.predict(np.clip(x, network.inputs.low, network.inputs.high))
-    assert np.all(np.abs(exported.floats(x)["network"] - wanted) <= fixed_point.float32_bound(network))
+    assert np.all(np.abs(exported.floats(x)["network"] - network.predict(x)) <= fixed_point.float32_bound(network))
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -245,7 +452,7 @@ def test_the_tanh_table_interpolates_within_its_bound():
 def test_the_float_emulation_errs_within_the_bound(motor):
     """tanh correctly rounded here, so half a unit for it."""
     _, network = motor
-    x = points(network, 5_000, beyond=0.0)
+    x = points(network, 5_000)
     assert np.all(np.abs(fixed_point.float32_predict(network, x) - network.predict(x)) <= fixed_point.float32_bound(network, tanh_ulps=0.5))
 
 
@@ -273,9 +480,20 @@ def test_onnx_gives_the_same_currents(motor):
     from onnx.reference import ReferenceEvaluator
 
     _, network = motor
-    x = points(network, 2_000, beyond=0.0)
+    x = points(network, 2_000)
     (got,) = ReferenceEvaluator(export.onnx_model(network, "motor")).run(None, {"x": x.astype(np.float32)})
     assert np.all(np.abs(got - network.predict(x)) <= fixed_point.float32_bound(network))
+
+
+def test_onnx_names_its_range_and_warns_of_the_rest(motor):
+    import onnx
+
+    _, network = motor
+    model = onnx.load_from_string(export.onnx_model(network, "motor"))
+    told = {prop.key: float(prop.value) for prop in model.metadata_props}
+    for end, pair in (("low", network.inputs.low), ("high", network.inputs.high)):
+        assert np.allclose([told[f"omega_m_{end}"], told[f"torque_{end}"]], pair, rtol=1e-8)
+    assert "extrapolates" in model.doc_string
 
 
 def test_files_are_written_whole_and_named_after_the_machine(some_map, tmp_path):

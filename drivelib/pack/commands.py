@@ -15,7 +15,7 @@ from rich.table import Table
 from drivelib import environment, ledger, notebook, paths
 from drivelib.__main__ import parse_parameter
 from drivelib.pack import check, difference, freshness, layers, publishing, readme, report, runner
-from drivelib.record import write_atomically
+from drivelib.record import EXPORTS, write_atomically
 
 STYLES = {
     ledger.REPRODUCED: "green",
@@ -125,6 +125,8 @@ def run(options):
         target.mkdir(parents=True, exist_ok=True)
         for path in outcome.files.values():
             write_atomically(target / path.name, path.read_bytes())
+        for path in sorted((stage / "figures" / item.id).parent.glob(f"{EXPORTS}/*")):
+            write_atomically(target / EXPORTS / path.name, path.read_bytes())
     finally:
         shutil.rmtree(stage, ignore_errors=True)
     console.print(f"{item.id} in {outcome.seconds:.1f} s, written to {target}", highlight=False, soft_wrap=True)
