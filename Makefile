@@ -6,7 +6,7 @@ LOCK_DATE ?= $(shell date -u +%F)
 TORCH_WHEELS ?= $(TORCH_INDEX)/torch/
 RUN = .venv/bin/python -m drivelib
 
-.PHONY: reproduce test verify-all lab lock venv
+.PHONY: reproduce test verify-all lab site lock venv
 
 venv:
 	@$(PYTHON) -m drivelib.bootstrap
@@ -27,6 +27,10 @@ verify-all: venv
 
 lab: venv
 	@$(RUN) lab
+
+# Everything as pages to read in a browser: build/site/index.html.
+site: venv
+	@$(RUN) site
 
 # The one way to renew environment.lock: make lock LOCK_DATE=2026-11-20
 lock:

@@ -58,7 +58,7 @@ def slider(label, value, low, high, unit="", *, scale="linear", steps=200):
     high = number(f"high end of {label}", high, unit, above=low)
     value = number(label, value, unit, at_least=low, at_most=high)
     common = {
-        "description": f"{label} ({unit})" if unit else label, "readout_format": ".3g", "continuous_update": True,
+        "description": f"{label} ({unit})" if unit else label, "readout_format": ".3r", "continuous_update": True,
         "layout": {"width": "27em"}, "style": {"description_width": "11em"},
     }  # fmt: skip
     if logarithmic:
@@ -104,7 +104,7 @@ class Panel:
         self._limits = self._still = None
         self.image, self.text = Image(format="png"), HTML()
         rows = HBox(list(sliders.values()), layout=Layout(flex_flow="row wrap"))
-        self.box = VBox([rows, self.image, self.text])
+        self.box = VBox([rows, self.text, self.image])  # the sentence stays in sight where the picture is higher than the screen
         self._follow()
         for widget in sliders.values():
             widget.observe(self._follow, "value")

@@ -11,7 +11,7 @@ from drivelib.record import write_atomically
 
 STYLE = """:root{color-scheme:light dark} body{color:CanvasText;background:Canvas;font:16px/1.5 sans-serif;margin:2rem;max-width:110rem}
 figure{display:inline-block;width:32%;margin:0} @media(max-width:40rem){body{margin:1rem} figure{width:100%}} div{overflow-x:auto}
-img{max-width:100%;border:1px solid #999;background:#fff} td,th{padding:.2rem .8rem;text-align:left;vertical-align:top} td{overflow-wrap:anywhere}
+img{max-width:100%;border:1px solid #999;background:#fff} td,th{padding:.2rem .8rem;text-align:left;vertical-align:top} td{overflow-wrap:break-word} td:first-child{min-width:8rem;overflow-wrap:anywhere} code{font:inherit}
 input{font:inherit;width:24rem;max-width:100%} [hidden]{display:none}"""
 FILTER = """document.getElementById("filter").addEventListener("input",function(){
 var wanted=this.value.toLowerCase().split(/\\s+/);
@@ -33,7 +33,7 @@ def write_page(old_root, new_root, chosen, problems, target):
     )
     now = report.results(Path(new_root) / "figures", broken="skip")
     verdicts = "".join(
-        f'<tr data-text="{html.escape(f"verdict {claim.id} {verdict}")}"><td>{html.escape(claim.id)}</td>'
+        f'<tr data-text="{html.escape(f"verdict {claim.id} {verdict}")}"><td><code>{html.escape(claim.id)}</code></td>'
         f"<td>{html.escape(report.ours(claim, result))}</td><td>{html.escape(verdict)}</td></tr>"
         for claim, result, verdict in report.rows(now)
         if claim.item in chosen

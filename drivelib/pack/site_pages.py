@@ -94,15 +94,22 @@ def _paper_pages(known):
 
 def _claim_pages(known):
     text, robustness = {}, _robustness()
-    for claim, result, verdict in known.rows.values():
+    for before, (claim, result, verdict), after in _with_neighbours(known.rows.values()):
         paper = known.papers[claim.id.split("/")[0]]
         text[f"claims/{claim.id}.md"] = page(
             "claim.md", **known.shared(), paper=paper, claim=claim, result=result, verdict=verdict,
             asked=report.asked(claim), allowed=describe(claim)[1], ours=report.ours(claim, result),
             why=paper.expected.get(claim.id, ("", ""))[1], functions=_functions(claim), has_page=claim.item in known.contents,
             window=result["window"] if result and not claim.omitted else "", robustness=robustness.get(claim.id),
+            before=before[0] if before else None, after=after[0] if after else None,
         )  # fmt: skip
     return text
+
+
+def _with_neighbours(values):
+    """Yield (the one before or None, each, the one after or None)."""
+    values = list(values)
+    return zip([None, *values], values, [*values[1:], None], strict=False)
 
 
 def _api_pages():

@@ -1,19 +1,28 @@
 """What the site adds to Sphinx: equations as MathML, and a few lines where defaults do not fit this pack."""
 
+import importlib
 import re
 import sys
+from functools import cache
 
 from docutils import nodes
 from docutils.parsers.rst import states
 from latex2mathml.converter import convert
 from sphinx import addnodes
 from sphinx.errors import SphinxError
+from sphinx.search.en import SearchEnglish
 
 
 class EquationError(SphinxError):
     """An equation that cannot be shown as MathML."""
 
     category = "Equation error"
+
+
+class Search(SearchEnglish):
+    """Sphinx's search in English, which looks up a word's stem once and not once a page."""
+
+    stem = cache(SearchEnglish.stem)
 
 
 def mathml(latex, display="inline"):
@@ -37,10 +46,20 @@ def mathml(latex, display="inline"):
 def setup(app):
     """Register with Sphinx."""
     app.add_html_math_renderer("mathml", inline_renderers=(_inline, None), block_renderers=(_block, None))
+    app.add_search_language(Search)
+    app.connect("env-before-read-docs", _modules)
     app.connect("doctree-read", _types)
     states.Inliner.dispatch = states.Inliner.dispatch | {"|": _bar}
     app.connect("html-page-context", _page, priority=100)  # before the theme's own
     return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _modules(app, env, docnames):
+    """Import what the reference describes before Sphinx forks: else each of its processes imports torch and the like again."""
+    for name in docnames:
+        folder, _, module = name.rpartition("/")
+        if folder == "api" and module.startswith("drivelib"):
+            importlib.import_module(module)
 
 
 def _inline(self, node):
