@@ -206,5 +206,4 @@ def _torque_flux(machine, i_od):
 
 
 def _operating_point(first, second, third, names=("omega_e", "i_od", "i_oq"), units=("rad/s", "A", "A")):
-    values = (first, second, third)
-    return tuple(array(name, value, unit) for name, value, unit in zip(names, values, units, strict=True))
+    return array(names[0], first, units[0]), array(names[1], second, units[1]), array(names[2], third, units[2])
