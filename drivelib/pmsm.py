@@ -55,10 +55,19 @@ def stator_voltage(machine, omega_e, i_od, i_oq, *, model="full"):
 
 
 def i_oq_at_voltage(machine, omega_e, V_s, i_od):
-    """Return the i_oq ≥ 0 (A) at which the voltage is V_s (V, phase peak): (12) solved, simplified model; NaN where there is none."""
+    """Return the largest i_oq (A) at which the voltage is V_s (V, phase peak): (12) solved, simplified model; NaN where none is ≥ 0.
+
+    Raises
+    ------
+    ValueError
+        If V_s is negative, or neither resistance nor speed limits the current.
+    """
     omega_e, V_s, i_od = _checked(omega_e, V_s, i_od, names=("omega_e", "V_s", "i_od"), units=("rad/s", "V", "A"))
+    array("V_s", V_s, "V", at_least=0)
     # (R_s² + ω² L_q²) i² + 2 R_s ω (λ + ΔL i_od) i + V² = V_s², V being the voltage without i_oq
     square = machine.R_s**2 + (omega_e * machine.L_q) ** 2
+    if not everywhere(square > 0):
+        raise ValueError("R_s = 0 ohm at omega_e = 0 rad/s: nothing limits the current, so no voltage determines it")
     half = machine.R_s * omega_e * (machine.psi_f + machine.delta_L * i_od)
     missing = V_s**2 - (machine.R_s * i_od) ** 2 - (omega_e * (machine.psi_f + machine.L_d * i_od)) ** 2
     root = half**2 + square * missing
