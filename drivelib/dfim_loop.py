@@ -189,5 +189,5 @@ def _keep(x, phi_sd, phi_sq, phi_rd, phi_rq, omega_m, theta_m, theta_s):
 
 
 def empty_record(steps, every):
-    """Return the array that ``run_drive`` fills: one row for each recorded sample of 0 … steps."""
-    return np.zeros((steps // every + 1 if every else 0, len(CHANNELS)))
+    """Return the array that ``run_drive`` fills, unless the drive diverges: one row for each recorded sample of 0 … steps."""
+    return np.empty((steps // every + 1 if every else 0, len(CHANNELS)))

@@ -130,9 +130,33 @@ def step_metrics(t, omega_ref, omega_m, event, end, *, band=0.5, tail=0.2):
     inside = (t >= event - slack) & (t < end - slack)
     if np.count_nonzero(inside) < 10:
         raise ValueError(f"event = {event} s, end = {end} s: fewer than ten samples of the record lie between")
-    time, error = t[inside] - event, (omega_ref - omega_m)[inside]
-    k = int(np.argmax(np.abs(error)))
-    outside = np.nonzero(np.abs(error) > band)[0]
+    return response_metrics(t[inside] - event, (omega_ref - omega_m)[inside], band=band, tail=tail, event=event)
+
+
+def response_metrics(time, error, *, band=0.5, tail=0.2, event=0.0):
+    """Return the StepMetrics of the speed error after one event.
+
+    Parameters
+    ----------
+    time, error : array, shape (n,)
+        Time since the event (s) and error Ω* − Ω (rad/s) at each sample until the next event.
+    band, tail
+        See ``step_metrics``.
+    event : float
+        Time of the event (s), passed on.
+
+    Raises
+    ------
+    ValueError
+        If an array is malformed, shapes differ, or band or tail is out of range.
+    """
+    time, error = grid("time", time), array("error", error, "rad/s")
+    band, tail = number("band", band, "rad/s", above=0), number("tail", tail, above=0, at_most=1)
+    if error.shape != time.shape:
+        raise ValueError(f"error has shape {error.shape}: must be {time.shape}, as time")
+    size = np.abs(error)
+    k = int(np.argmax(size))
+    outside = np.nonzero(size > band)[0]
     if outside.size == 0:
         recovery = 0.0
     elif outside[-1] == error.size - 1:

@@ -14,9 +14,11 @@ Two switches recur, because the paper does not keep to one convention:
     ``"paper"``: losses without it, as (5)-(7) print them.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
-from drivelib.validation import array, choice
+from drivelib.validation import array, choice, everywhere
 
 MODELS = ("full", "simplified")
 CONVENTIONS = ("consistent", "paper")
@@ -28,16 +30,12 @@ def terminal_currents(machine, omega_e, i_od, i_oq, *, model="full"):
 
     i_d = i_od − ω L_q i_oq / R_c,  i_q = i_oq + ω (λ + L_d i_od) / R_c  (circuit of fig. 1).
     """
-    omega_e, i_od, i_oq = _operating_point(omega_e, i_od, i_oq)
-    conductance = terminal_conductance(machine, model)
-    i_d = i_od - omega_e * machine.L_q * i_oq * conductance
-    i_q = i_oq + omega_e * (machine.psi_f + machine.L_d * i_od) * conductance
-    return i_d, i_q
+    return _terminal_currents(machine, *_checked(omega_e, i_od, i_oq), terminal_conductance(machine, model))
 
 
 def branch_currents(machine, omega_e, i_d, i_q):
     """Return (i_od, i_oq) (A) for terminal currents: the inverse of `terminal_currents`, full model."""
-    omega_e, i_d, i_q = _operating_point(omega_e, i_d, i_q)
+    omega_e, i_d, i_q = _checked(omega_e, i_d, i_q)
     alpha = omega_e * machine.L_q / machine.R_c
     beta = omega_e * machine.L_d / machine.R_c
     q_demand = i_q - omega_e * machine.psi_f / machine.R_c
@@ -47,10 +45,8 @@ def branch_currents(machine, omega_e, i_d, i_q):
 
 def stator_voltages(machine, omega_e, i_od, i_oq, *, model="full"):
     """Return (V_d, V_q) (V, phase peak): eq. (2) and (1)."""
-    i_d, i_q = terminal_currents(machine, omega_e, i_od, i_oq, model=model)
-    V_d = machine.R_s * i_d - omega_e * machine.L_q * np.asarray(i_oq)
-    V_q = machine.R_s * i_q + omega_e * (machine.L_d * np.asarray(i_od) + machine.psi_f)
-    return V_d, V_q
+    omega_e, i_od, i_oq = _checked(omega_e, i_od, i_oq)
+    return _voltages(machine, omega_e, i_od, i_oq, *_terminal_currents(machine, omega_e, i_od, i_oq, terminal_conductance(machine, model)))
 
 
 def stator_voltage(machine, omega_e, i_od, i_oq, *, model="full"):
@@ -58,12 +54,33 @@ def stator_voltage(machine, omega_e, i_od, i_oq, *, model="full"):
     return np.hypot(*stator_voltages(machine, omega_e, i_od, i_oq, model=model))
 
 
+def i_oq_at_voltage(machine, omega_e, V_s, i_od):
+    """Return the largest i_oq (A) at which the voltage is V_s (V, phase peak): (12) solved, simplified model; NaN where none is ≥ 0.
+
+    Raises
+    ------
+    ValueError
+        If V_s is negative, or neither resistance nor speed limits the current.
+    """
+    omega_e, V_s, i_od = _checked(omega_e, V_s, i_od, names=("omega_e", "V_s", "i_od"), units=("rad/s", "V", "A"))
+    array("V_s", V_s, "V", at_least=0)
+    # (R_s² + ω² L_q²) i² + 2 R_s ω (λ + ΔL i_od) i + V² = V_s², V being the voltage without i_oq
+    square = machine.R_s**2 + (omega_e * machine.L_q) ** 2
+    if not everywhere(square > 0):
+        raise ValueError("R_s = 0 ohm at omega_e = 0 rad/s: nothing limits the current, so no voltage determines it")
+    half = machine.R_s * omega_e * (machine.psi_f + machine.delta_L * i_od)
+    missing = V_s**2 - (machine.R_s * i_od) ** 2 - (omega_e * (machine.psi_f + machine.L_d * i_od)) ** 2
+    root = half**2 + square * missing
+    i_oq = np.where(root >= 0, (np.sqrt(np.maximum(root, 0)) - half) / square, np.nan)
+    return np.where(i_oq >= 0, i_oq, np.nan)
+
+
 def branch_currents_at_voltage(machine, omega_e, V_s, phi, *, model="full"):
     """Return (i_od, i_oq) (A) that an inverter of amplitude ``V_s`` (V) and angle ``phi`` (rad) drives.
 
     V_q = V_s cos φ and V_d = −V_s sin φ as in (17)-(18), solved for the currents with (1)-(2).
     """
-    omega_e, V_s, phi = _operating_point(omega_e, V_s, phi, names=("omega_e", "V_s", "phi"), units=("rad/s", "V", "rad"))
+    omega_e, V_s, phi = _checked(omega_e, V_s, phi, names=("omega_e", "V_s", "phi"), units=("rad/s", "V", "rad"))
     array("V_s", V_s, "V", at_least=0)
     scale = 1 + machine.R_s * terminal_conductance(machine, model)
     reactance_d, reactance_q = scale * omega_e * machine.L_d, scale * omega_e * machine.L_q
@@ -88,34 +105,50 @@ def torque(machine, i_od, i_oq):
     >>> print(f"{torque(IPMSM, 0.0, 2.0):.3f} N m, {torque(IPMSM, -1.0, 2.0):.3f} N m")
     2.784 N m, 3.264 N m
     """
-    i_od, i_oq = array("i_od", i_od, "A"), array("i_oq", i_oq, "A")
-    return 1.5 * machine.P * (machine.psi_f + machine.delta_L * i_od) * i_oq
+    return _torque(machine, array("i_od", i_od, "A"), array("i_oq", i_oq, "A"))
 
 
 def acceleration(machine, T_e, T_L, omega_m):
     """Return dω_m/dt (rad/s²) from T_e = T_L + B ω_m + J dω_m/dt: eq. (4)."""
-    T_e, T_L, omega_m = _operating_point(T_e, T_L, omega_m, names=("T_e", "T_L", "omega_m"), units=("N m", "N m", "rad/s"))
+    T_e, T_L, omega_m = _checked(T_e, T_L, omega_m, names=("T_e", "T_L", "omega_m"), units=("N m", "N m", "rad/s"))
     return (T_e - T_L - machine.B * omega_m) / machine.J
 
 
 def copper_loss(machine, i_d, i_q, *, convention="consistent"):
     """Return R_s (i_d² + i_q²) (W), times 3/2 in the consistent convention: eq. (5)."""
-    i_d, i_q = array("i_d", i_d, "A"), array("i_q", i_q, "A")
-    return _power_factor(convention) * machine.R_s * (i_d**2 + i_q**2)
+    return _copper_loss(machine, array("i_d", i_d, "A"), array("i_q", i_q, "A"), _power_factor(convention))
 
 
 def iron_loss(machine, omega_e, i_od, i_oq, *, convention="consistent"):
     """Return ω² [(λ + L_d i_od)² + (L_q i_oq)²] / R_c (W), times 3/2 if consistent: eq. (6), (7), (13)."""
-    omega_e, i_od, i_oq = _operating_point(omega_e, i_od, i_oq)
-    flux_squared = (machine.psi_f + machine.L_d * i_od) ** 2 + (machine.L_q * i_oq) ** 2
-    return _power_factor(convention) * omega_e**2 * flux_squared / machine.R_c
+    return _iron_loss(machine, *_checked(omega_e, i_od, i_oq), _power_factor(convention))
 
 
 def total_loss(machine, omega_e, i_od, i_oq, *, model="full", convention="consistent"):
     """Return copper plus iron loss (W): (5) + (7). The model decides which currents (5) takes."""
-    i_d, i_q = terminal_currents(machine, omega_e, i_od, i_oq, model=model)
-    copper = copper_loss(machine, i_d, i_q, convention=convention)
-    return copper + iron_loss(machine, omega_e, i_od, i_oq, convention=convention)
+    omega_e, i_od, i_oq = _checked(omega_e, i_od, i_oq)
+    i_d, i_q = _terminal_currents(machine, omega_e, i_od, i_oq, terminal_conductance(machine, model))
+    factor = _power_factor(convention)
+    return _copper_loss(machine, i_d, i_q, factor) + _iron_loss(machine, omega_e, i_od, i_oq, factor)
+
+
+class OperatingPoint(NamedTuple):
+    """What follows from speed and branch currents: terminal currents (A), voltage (V, phase peak), loss (W)."""
+
+    i_d: np.ndarray
+    i_q: np.ndarray
+    V_s: np.ndarray
+    loss: np.ndarray
+
+
+def operating_point(machine, omega_e, i_od, i_oq, *, model="full", convention="consistent"):
+    """Return the `OperatingPoint`: `terminal_currents`, `stator_voltage`, and `total_loss` in one."""
+    omega_e, i_od, i_oq = _checked(omega_e, i_od, i_oq)
+    factor = _power_factor(convention)
+    i_d, i_q = _terminal_currents(machine, omega_e, i_od, i_oq, terminal_conductance(machine, model))
+    V_s = np.hypot(*_voltages(machine, omega_e, i_od, i_oq, i_d, i_q))
+    loss = _copper_loss(machine, i_d, i_q, factor) + _iron_loss(machine, omega_e, i_od, i_oq, factor)
+    return OperatingPoint(i_d, i_q, V_s, loss)
 
 
 def input_power(machine, omega_e, i_od, i_oq, *, model="full"):
@@ -138,8 +171,11 @@ def energy_balance(machine, omega_e, i_od, i_oq, *, model="full", convention="co
 
 def efficiency(machine, omega_e, i_od, i_oq, *, model="full", convention="consistent"):
     """Return shaft power over shaft power plus losses (1), for motoring points; NaN elsewhere."""
-    shaft = torque(machine, i_od, i_oq) * array("omega_e", omega_e, "rad/s") / machine.P
-    loss = total_loss(machine, omega_e, i_od, i_oq, model=model, convention=convention)
+    omega_e, i_od, i_oq = _checked(omega_e, i_od, i_oq)
+    factor = _power_factor(convention)
+    i_d, i_q = _terminal_currents(machine, omega_e, i_od, i_oq, terminal_conductance(machine, model))
+    shaft = _torque(machine, i_od, i_oq) * omega_e / machine.P
+    loss = _copper_loss(machine, i_d, i_q, factor) + _iron_loss(machine, omega_e, i_od, i_oq, factor)
     return np.where(shaft > 0, shaft / np.where(shaft > 0, shaft + loss, 1), np.nan)
 
 
@@ -196,7 +232,7 @@ def _power_factor(convention):
 
 def _torque_flux(machine, i_od):
     flux = machine.psi_f + machine.delta_L * i_od
-    if np.any(flux <= 0):
+    if not everywhere(flux > 0):
         limit = -machine.psi_f / machine.delta_L
         raise ValueError(
             f"i_od = {i_od[flux <= 0].flat[0]:g} A: λ + (L_d − L_q) i_od must be positive, so i_od must stay "
@@ -205,6 +241,31 @@ def _torque_flux(machine, i_od):
     return flux
 
 
-def _operating_point(first, second, third, names=("omega_e", "i_od", "i_oq"), units=("rad/s", "A", "A")):
-    values = (first, second, third)
-    return tuple(array(name, value, unit) for name, value, unit in zip(names, values, units, strict=True))
+# The equations themselves, for arguments that have been checked.
+
+
+def _terminal_currents(machine, omega_e, i_od, i_oq, conductance):
+    i_d = i_od - omega_e * machine.L_q * i_oq * conductance
+    return i_d, i_oq + omega_e * (machine.psi_f + machine.L_d * i_od) * conductance
+
+
+def _voltages(machine, omega_e, i_od, i_oq, i_d, i_q):
+    V_d = machine.R_s * i_d - omega_e * machine.L_q * i_oq
+    return V_d, machine.R_s * i_q + omega_e * (machine.L_d * i_od + machine.psi_f)
+
+
+def _torque(machine, i_od, i_oq):
+    return 1.5 * machine.P * (machine.psi_f + machine.delta_L * i_od) * i_oq
+
+
+def _copper_loss(machine, i_d, i_q, factor):
+    return factor * machine.R_s * (i_d * i_d + i_q * i_q)
+
+
+def _iron_loss(machine, omega_e, i_od, i_oq, factor):
+    flux_squared = (machine.psi_f + machine.L_d * i_od) ** 2 + (machine.L_q * i_oq) ** 2
+    return factor * omega_e**2 * flux_squared / machine.R_c
+
+
+def _checked(first, second, third, names=("omega_e", "i_od", "i_oq"), units=("rad/s", "A", "A")):
+    return array(names[0], first, units[0]), array(names[1], second, units[1]), array(names[2], third, units[2])

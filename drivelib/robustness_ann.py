@@ -5,11 +5,13 @@ for ten thousand. The current loops are far faster than the speed loop, so the t
 limit; and since one input leaves a curve, samples of nearly equal error are averaged before the training.
 """
 
+from functools import cache
+
 import numpy as np
 from numba import njit
 
 from drivelib import control
-from drivelib.ann_data import SPLIT
+from drivelib.ann_data import SPLIT, told_apart
 from drivelib.dfim_scenario import DEFAULT_SCENARIO
 from drivelib.levenberg_one import fit
 from drivelib.validation import array, choice, number
@@ -39,6 +41,18 @@ def _teacher(K_p, K_i, J, f, T_limit, h, reference, load, error, command):
         omega += h * (torque - load[k] - f * middle) / J
 
 
+@cache
+def _cycle():
+    """Return set point (rad/s) and whether there is load, at each step of the default scenario's cycle."""
+    cycle = DEFAULT_SCENARIO
+    t = STEP * np.arange(round(cycle.duration / STEP))
+    reference, load = (
+        np.array([value for _, value in profile])[np.searchsorted([time for time, _ in profile], t + 1e-9, side="right") - 1]
+        for profile in (cycle.speed_reference, cycle.load_torque)
+    )
+    return reference, load > 0
+
+
 def teacher_data(scenario, gains, loads="both signs"):
     """Return (error in rad/s, command in N m) of PI runs at several operating points, one value per 2 ms.
 
@@ -53,14 +67,9 @@ def teacher_data(scenario, gains, loads="both signs"):
     loads : {"both signs", "one sign"}
     """
     factors = LOADS[choice("loads", loads, tuple(LOADS))]
-    machine, cycle = scenario.machine, DEFAULT_SCENARIO
-    t = STEP * np.arange(round(cycle.duration / STEP))
-    reference, on = (
-        np.array([value for _, value in profile])[np.searchsorted([time for time, _ in profile], t + 1e-9, side="right") - 1]
-        for profile in (cycle.speed_reference, cycle.load_torque)
-    )
-    on = machine.T_rated * (on > 0)
-    error, command = np.empty((2, len(SPEEDS) * len(factors), t.size))
+    machine, (reference, loaded) = scenario.machine, _cycle()
+    on = machine.T_rated * loaded
+    error, command = np.empty((2, len(SPEEDS) * len(factors), reference.size))
     for run, (speed, load) in enumerate((speed, load) for speed in SPEEDS for load in factors):
         _teacher(*gains, machine.J, machine.f, scenario.T_limit, STEP, speed * reference, load * on, error[run], command[run])
     return error.ravel(), command.ravel()
@@ -72,7 +81,7 @@ def classes(error, command):
     Least squares on these means, weighted by the numbers, is least squares on the samples, but for the curve's bend within a class.
     """
     error, command = array("error", error, "rad/s"), array("command", command, "N m")
-    _, which, count = np.unique(np.rint(PER_TURN * np.arcsinh(error / FINE)), return_inverse=True, return_counts=True)
+    _, which, count = told_apart(np.rint(PER_TURN * np.arcsinh(error / FINE)))
     return np.bincount(which, error) / count, np.bincount(which, command) / count, count.astype(float)
 
 

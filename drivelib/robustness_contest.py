@@ -10,11 +10,6 @@ TAIL = 0.2  # of the held load, over which steady error and swing are taken
 LEAST = 1e-9  # keeps a quotient of two vanishing changes finite
 
 
-def error(part):
-    """Return the speed error Ω* − Ω (rad/s) of a piece of a run."""
-    return part["omega_ref"] - part["omega_m"]
-
-
 def measures(scenario, runs):
     """Return {claim: measure} of Zidani's claims, as far as the runs are there.
 
@@ -68,9 +63,9 @@ def _set_point(part):
 
 def _under_load(scenario, part):
     """Dip, overshoot, steady error and swing in % of the set point, recovery in s, as ``contest.Response``."""
-    n = len(part.record)
-    share, t = 100 / _set_point(part), scenario.period * np.arange(n)
-    event = metrics.step_metrics(t, part["omega_ref"], part["omega_m"], 0.0, t[-1] + scenario.period, band=RECOVERY * _set_point(part), tail=TAIL)
+    share, error = 100 / _set_point(part), part.error
+    t = scenario.period * np.arange(error.size)
+    event = metrics.response_metrics(t, error, band=RECOVERY * _set_point(part), tail=TAIL)
     return {
         "dip": share * abs(event.peak),
         "overshoot": share * event.overshoot,
@@ -82,20 +77,20 @@ def _under_load(scenario, part):
 
 def _arrival(scenario, part):
     """Time (s) after which the reversed drive stays within the band; the whole time watched where it does not arrive."""
-    outside = np.flatnonzero(np.abs(error(part)) > RECOVERY * _set_point(part))
+    outside = np.flatnonzero(np.abs(part.error) > RECOVERY * _set_point(part))
     return scenario.period * (outside[-1] + 1 if outside.size else 1)
 
 
 def _change(nominal, increased):
     """Largest change of speed that R_r makes, in % of the set point."""
     pairs = zip(nominal, increased, strict=True)
-    return max(100 * np.max(np.abs(a["omega_m"][: len(b.record)] - b["omega_m"])) / _set_point(a) for a, b in pairs)
+    return max(100 * np.abs(a["omega_m"][: b["omega_m"].size] - b["omega_m"]).max() / _set_point(a) for a, b in pairs)
 
 
 def _flux(scenario, parts):
     """Largest deviation of the rotor flux, either axis, in % of the reference."""
     reference = scenario.phi_r_ref
-    return max(100 * max(np.max(np.abs(part["phi_rd"] - reference)), np.max(np.abs(part["phi_rq"]))) / reference for part in parts)
+    return max(100 * max(np.abs(part["phi_rd"] - reference).max(), np.abs(part["phi_rq"]).max()) / reference for part in parts)
 
 
 def _worst_ratio(indices):

@@ -15,7 +15,7 @@ from drivelib.dfim_drive import SimulationDiverged, drive_settings, initial_stat
 from drivelib.dfim_loop import CHANNELS, LIMITS, STATES, empty_record, run_drive
 from drivelib.dfim_machines import DFIM_SETS
 from drivelib.dfim_scenario import DEFAULT_SCENARIO, FLUX_ESTIMATORS, Scenario
-from drivelib.encoder import sensor
+from drivelib.encoder import Sensor, sensor
 from drivelib.robustness import DIVERGED, NETWORK, Study
 from drivelib.space import Space, Span, open_values
 from drivelib.speed_law import PiSpeed
@@ -28,6 +28,7 @@ AFTER = 0.2  # s, the same with R_r increased: the torque has reversed by then
 NOISE_STEP = 0.01  # s, for which the load's fluctuation holds one value
 RIPPLE = 0.04  # s, with switching inverters
 R_R_FACTOR = 1.5
+NEVER = np.iinfo(np.int64).max  # sample of a change that does not come
 OPEN = open_values(DEFAULT_SCENARIO, ["xi", "phi_r_ref", "V_dc_s"])
 
 
@@ -100,15 +101,24 @@ CLAIMS = tuple(
 )
 
 
-class Part(NamedTuple):
-    """A piece of a run: channels (n, 23), ErrorIndices and final state (16,)."""
+KEPT = ("omega_ref", "omega_m", "phi_rd", "phi_rq")  # channels that some measure reads
+_ROWS = [CHANNELS.index(name) for name in KEPT]
 
-    record: np.ndarray
+
+class Part(NamedTuple):
+    """A piece of a run: the ``KEPT`` channels (4, n), ErrorIndices and final state (16,)."""
+
+    channels: np.ndarray
     indices: metrics.ErrorIndices
     x: np.ndarray
 
     def __getitem__(self, channel):
-        return self.record[:, CHANNELS.index(channel)]
+        return self.channels[KEPT.index(channel)]
+
+    @property
+    def error(self):
+        """Speed error Ω* − Ω (rad/s)."""
+        return self["omega_ref"] - self["omega_m"]
 
 
 def scenario_of(values):
@@ -124,10 +134,11 @@ class Drive(NamedTuple):
     scenario: Scenario
     plant: dfim.DfimCoefficients
     settings: DriveSettings
+    sensor: Sensor
 
     @classmethod
     def of(cls, scenario):
-        return cls(scenario, dfim.coefficients(scenario.machine), drive_settings(scenario))
+        return cls(scenario, dfim.coefficients(scenario.machine), drive_settings(scenario), sensor(None, 0, scenario.period))
 
 
 def go_on(drive, law, x, profiles, *, inverter="averaged"):
@@ -140,7 +151,8 @@ def go_on(drive, law, x, profiles, *, inverter="averaged"):
     x : array, shape (16,)
         State, in the order of ``dfim_loop.STATES``; not changed.
     profiles : tuple (changes, values, steps)
-        Samples (m,) from which the values (m, 3) act: set point (rad/s), load (N m), factor on R_r; and the number of periods.
+        Samples (m + 1,) from which the values (m, 3) act, the last one ``NEVER``: set point (rad/s), load (N m), factor on R_r; and
+        the number of periods.
 
     Returns
     -------
@@ -157,12 +169,10 @@ def go_on(drive, law, x, profiles, *, inverter="averaged"):
         settings = settings._replace(carrier_frequency=scenario.carrier_frequency)
     x, record, indices = x.copy(), empty_record(steps, 1), np.zeros(4)
     hits = np.full(len(LIMITS), -1, dtype=np.int64)
-    changes = np.append(changes, steps + 2)
-    exact = sensor(None, 0, scenario.period)
-    failed = run_drive(steps, x, drive.plant, settings, law, changes, values, (0, steps), 1, record, indices, hits, exact)
+    failed = run_drive(steps, x, drive.plant, settings, law, changes, values, (0, steps), 1, record, indices, hits, drive.sensor)
     if failed >= 0:
         raise SimulationDiverged(scenario, failed * scenario.period, dict(zip(STATES, x.tolist(), strict=True)))
-    return Part(record, metrics.ErrorIndices(*indices[:3].tolist(), steps * scenario.period), x)
+    return Part(record.T[_ROWS], metrics.ErrorIndices(*indices[:3].tolist(), steps * scenario.period), x)
 
 
 def joined(first, second):
@@ -170,8 +180,7 @@ def joined(first, second):
     a, b = first.indices, second.indices
     later = b.ITAE + a.horizon * b.IAE
     indices = metrics.ErrorIndices(a.IAE + b.IAE, a.ISE + b.ISE, a.ITAE + later, a.horizon + b.horizon)
-    # Set point and speed, the first two channels, are all that is asked of a whole hold.
-    return Part(np.concatenate([first.record[:-1, :2], second.record[:, :2]]), indices, second.x)
+    return Part(np.concatenate([first.channels[:, :-1], second.channels], axis=1), indices, second.x)
 
 
 def settled_state(scenario):
@@ -204,13 +213,14 @@ def profiles_of(values, scenario, rng):
         changes = np.arange(0, steps, every)
         noise = values["load_noise"] * machine.T_rated * rng.uniform(-1, 1, changes.size)
         load = noise + (0.0 if part == "reversal" else values["load"] * machine.T_rated)
-        reference = np.full(changes.size, -SET_POINT if part == "reversal" else SET_POINT)
         late = part == "onset" and values["r_r_instant"] == "under load"
-        factor = np.where(changes < (0.5 * steps if late else 0), 1.0, R_R_FACTOR)
-        short = round(AFTER / scenario.period) if part == "reversal" else steps
-        kept = changes < short
-        result[part, "nominal"] = (changes, np.column_stack([reference, load, np.ones(changes.size)]), steps)
-        result[part, "increased"] = (changes[kept], np.column_stack([reference, load, factor])[kept], short)
+        nominal = np.ones((changes.size, 3))
+        nominal[:, 0], nominal[:, 1] = -SET_POINT if part == "reversal" else SET_POINT, load
+        increased = nominal.copy()
+        increased[changes >= (0.5 * steps if late else 0), 2] = R_R_FACTOR
+        changes = np.append(changes, NEVER)
+        result[part, "nominal"] = (changes, nominal, steps)
+        result[part, "increased"] = (changes, increased, round(AFTER / scenario.period) if part == "reversal" else steps)
     return result
 
 
@@ -265,7 +275,7 @@ class Measure(NamedTuple):
         # Bisection would cost ten runs for a number of which only the side of one is used.
         found["zidani/tab02/static"] = 2.0 if _swings(one, PiSpeed(needed, 0.0).law(), start) else 0.5
         if ("ANN", "held") in runs:
-            left = robustness_contest.error(runs["ANN", "held"])[-1]
+            left = runs["ANN", "held"].error[-1]
             found["zidani/tab02/static/trained"] = values["load"] * scenario.machine.T_rated / max(left, 1e-6) / needed
         return found, flag
 
@@ -275,6 +285,6 @@ def _swings(drive, law, start):
     scenario = drive.scenario
     load = np.array([[SET_POINT, 0.1 * scenario.T_limit, 1.0]])
     try:
-        return swings(robustness_contest.error(go_on(drive, law, start, (np.zeros(1, dtype=np.int64), load, round(0.5 / scenario.period)))))
+        return swings(go_on(drive, law, start, (np.array([0, NEVER]), load, round(0.5 / scenario.period))).error)
     except SimulationDiverged:
         return True

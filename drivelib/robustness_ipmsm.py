@@ -103,8 +103,11 @@ def measure(values, rng):
 def _currents(machine, law, omega_m, T_e, i_q):
     """Return (i_d, i_q) at which network and torque agree: what the settled PI controller finds."""
     for _ in range(25):
+        before = i_q
         i_d = law(np.array([i_q, omega_m]))[0]
         i_q = float(pmsm.i_oq_at_torque(machine, T_e, i_d))
+        if i_q == before:
+            break
     return i_d, i_q
 
 

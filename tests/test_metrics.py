@@ -84,6 +84,9 @@ def test_events_split_the_record():
         (lambda t: metrics.step_metrics(t, t, t, 0.0, 1.0, band=-1), r"band = -1 rad/s"),
         (lambda t: metrics.step_metrics(t, t, t, 0.5, 1.0), "fewer than ten"),
         (lambda t: metrics.error_indices(t, t * np.nan, t), r"omega_ref = nan rad/s at index 0"),
+        (lambda t: metrics.response_metrics(t, t[:-1]), r"error has shape \(10,\): must be \(11,\)"),
+        (lambda t: metrics.response_metrics(t, t, tail=1.5), r"tail = 1.5"),
+        (lambda t: metrics.response_metrics(t[::-1], t), "strictly increasing"),
     ],
 )
 def test_bad_records_are_refused(call, message):

@@ -40,6 +40,33 @@ def test_losses_are_those_of_the_two_resistors(m, w, i_od, i_oq, model, conventi
 
 
 @SETTINGS
+@given(machines(), speeds(), CURRENT, CURRENT, MODEL, st.sampled_from(list(FACTOR)))
+def test_an_operating_point_is_what_the_complex_circuit_has(m, w, i_od, i_oq, model, convention):
+    point, at = state(m, w, i_od, i_oq, model), pmsm.operating_point(m, w, i_od, i_oq, model=model, convention=convention)
+    scale = dict(rtol=1e-12, atol=1e-12 * (1 + abs(point.u) + abs(point.i)))
+    assert_allclose((at.i_d, at.i_q, at.V_s), (point.i.real, point.i.imag, abs(point.u)), **scale)
+    assert_allclose(at.loss, FACTOR[convention] * point.loss, rtol=1e-12)
+
+
+@SETTINGS
+@given(machines(), st.floats(1.0, 2000.0), CURRENT, st.floats(0, 30))
+def test_the_current_at_a_voltage_is_the_largest_that_needs_it(m, w, i_od, i_oq):
+    """Against the complex circuit: the voltage is met, and more current needs more; below any current's voltage there is none."""
+    V_s = abs(state(m, w, i_od, i_oq, "simplified").u)
+    found = float(pmsm.i_oq_at_voltage(m, w, V_s * (1 + 1e-9), i_od))
+    assert found >= i_oq - 1e-6 * (1 + i_oq)
+    assert abs(state(m, w, i_od, found, "simplified").u) == pytest.approx(V_s, rel=1e-7, abs=1e-9)
+    assert abs(state(m, w, i_od, found + 0.1, "simplified").u) > V_s
+    least = min(abs(state(m, w, i_od, i, "simplified").u) for i in np.linspace(0, 100, 1001))
+    assert np.isnan(pmsm.i_oq_at_voltage(m, w, 0.9 * least, i_od)) or least < 1.0
+
+
+def test_without_resistance_at_standstill_no_voltage_determines_a_current():
+    with pytest.raises(ValueError, match="R_s = 0 ohm at omega_e = 0 rad/s"):
+        pmsm.i_oq_at_voltage(IPMSM.changed(R_s=0.0), [0.0, 10.0], 5.0, 0.0)
+
+
+@SETTINGS
 @given(machines(), CURRENT, CURRENT)
 def test_torque_is_flux_times_current(m, i_od, i_oq):
     """The torque is 3/2 P times the cross product of flux linkage and current."""

@@ -27,6 +27,7 @@ ROWS = {
 DFIM = robustness_dfim.study(ROWS["pi"], ROWS["ann"])
 STUDIES = (robustness_steady.STUDY, robustness_ipmsm.STUDY, robustness_spmsm.STUDY, DFIM)
 ONE = ThreadPoolExecutor(1)
+ALWAYS = np.array([0, robustness_dfim.NEVER])  # one value from the first sample on
 
 
 def published(item, claim):
@@ -193,7 +194,7 @@ def test_a_drive_that_diverges_is_flagged(monkeypatch):
     x[0] = 1e6
     monkeypatch.undo()
     with pytest.raises(SimulationDiverged):
-        robustness_dfim.go_on(one, robustness_dfim.PiSpeed(1.0, 1.0).law(), x, (np.zeros(1, dtype=int), np.array([[30.0, 0.0, 1.0]]), 100))
+        robustness_dfim.go_on(one, robustness_dfim.PiSpeed(1.0, 1.0).law(), x, (ALWAYS, np.array([[30.0, 0.0, 1.0]]), 100))
 
 
 @pytest.mark.parametrize(
@@ -222,12 +223,12 @@ def test_the_drive_started_at_its_set_point_answers_the_load_as_one_that_has_run
     scenario = DEFAULT_SCENARIO.changed(duration=2.5, speed_reference=((0.0, 30.0),), load_torque=((0.0, 0.0), (2.0, 20.0)))
     one, steps = robustness_dfim.Drive.of(scenario), round(0.5 / scenario.period)
     law = robustness_dfim.PiSpeed(*scenario.speed_gains).law()
-    profile = (np.zeros(1, dtype=np.int64), np.array([[30.0, 20.0, 1.0]]), steps)
+    profile = (ALWAYS, np.array([[30.0, 20.0, 1.0]]), steps)
     part = robustness_dfim.go_on(one, law, robustness_dfim.settled_state(scenario), profile)
     run_up = simulate(scenario)
     # The settled state leaves out the current that 0.03 N m of friction take: 1.5e-4 rad/s in the first milliseconds.
     np.testing.assert_allclose(part["omega_m"], run_up["omega_m"][-steps - 1 :], rtol=0, atol=3e-4)
-    halves = [(np.zeros(1, dtype=np.int64), np.array([[30.0, 20.0, 1.0]]), steps // 2)] * 2
+    halves = [(ALWAYS, np.array([[30.0, 20.0, 1.0]]), steps // 2)] * 2
     first = robustness_dfim.go_on(one, law, robustness_dfim.settled_state(scenario), halves[0])
     both = robustness_dfim.joined(first, robustness_dfim.go_on(one, law, first.x, halves[1]))
     np.testing.assert_array_equal(both["omega_m"], part["omega_m"])
