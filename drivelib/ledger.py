@@ -14,6 +14,7 @@ from pathlib import Path
 from drivelib import paths
 from drivelib.validation import choice, nearest, number
 
+DEFAULT = "default"  # the case that a notebook assumes, among its alternatives
 INDEX = "index"  # the one item of no paper: where a reader starts; it needs all others and judges nothing
 TOLERANCE = 1e-6  # relative; below it an array or a number counts as unchanged, where byte identity is not asked for
 
@@ -140,7 +141,7 @@ def judge(claim, ours=None, *, as_printed=None, alternatives=None, fit=None, not
     alternatives : mapping of str to float, optional
         The measure under every other admissible value of what the paper leaves open. A claim that holds
         for all of them is reproduced, for some reproduced under an assumption, for none not reproduced
-        (or contradicted, where the paper's own equation refutes it).
+        (or contradicted, where the paper's own equation refutes it). "default" is ``ours`` once more.
     fit : tuple of int, optional
         (free parameters, printed numbers matched), where ``ours`` was fitted.
 
@@ -163,7 +164,7 @@ def judge(claim, ours=None, *, as_printed=None, alternatives=None, fit=None, not
         return Judgement(claim, NOT_CHECKABLE, ours, window="omitted: " + "; ".join(claim.omitted), note=note)
     if ours is None:
         raise ValueError(f"{claim.id}: no measured value given, the claim needs one in {claim.unit or 'pure numbers'}")
-    cases = {"default": ours, **(alternatives or {})}
+    cases = {DEFAULT: ours, **(alternatives or {})}
     holding = [label for label, value in cases.items() if claim.holds(value)]
     window = _window(holding, cases) if alternatives else ""
     if fit is not None:
@@ -184,8 +185,10 @@ def judge(claim, ours=None, *, as_printed=None, alternatives=None, fit=None, not
 
 def _window(holding, cases):
     if len(holding) in (0, len(cases)):
-        return f"holds for {'all' if holding else 'none'} of the {len(cases)} cases tried"
-    return f"holds for {len(holding)} of {len(cases)} cases: {'; '.join(holding)}"
+        return f"holds in {'all' if holding else 'none'} of the {len(cases)} cases tried"
+    shown = {label: "as assumed here" if label == DEFAULT else label for label in cases}
+    inside, outside = ("; ".join(shown[label] for label in cases if (label in holding) == wanted) for wanted in (True, False))
+    return f"holds in {len(holding)} of {len(cases)} cases: {inside}; not in: {outside}"
 
 
 def papers():
