@@ -11,7 +11,7 @@ from drivelib.record import write_atomically
 
 STYLE = """:root{color-scheme:light dark} body{color:CanvasText;background:Canvas;font:16px/1.5 sans-serif;margin:2rem;max-width:110rem}
 figure{display:inline-block;width:32%;margin:0} @media(max-width:40rem){body{margin:1rem} figure{width:100%}} div{overflow-x:auto}
-img{max-width:100%;border:1px solid #999;background:#fff} td,th{padding:.2rem .8rem;text-align:left;vertical-align:top} td{overflow-wrap:anywhere}
+img{max-width:100%;border:1px solid #999;background:#fff} td,th{padding:.2rem .8rem;text-align:left;vertical-align:top} td{overflow-wrap:break-word}
 input{font:inherit;width:24rem;max-width:100%} [hidden]{display:none}"""
 FILTER = """document.getElementById("filter").addEventListener("input",function(){
 var wanted=this.value.toLowerCase().split(/\\s+/);

@@ -44,7 +44,7 @@ def ours(claim, result):
     """Return our number with its unit as text, and what a misprint taken literally gives."""
     if result is None or result["ours"] is None:
         return ""
-    unit = f" {claim.unit}" if claim.unit else ""
+    unit = _unit(claim)
     literally = f" (as printed {result['as_printed']:.3g})" if result["as_printed"] is not None else ""
     return f"{result['ours']:.4g}{unit}{literally}"
 
@@ -99,9 +99,13 @@ def findings(paper, folder=None, *, headlines=False):
 def asked(claim):
     """Return what the paper prints, or the bound that stands for its words."""
     if claim.printed:
-        return claim.printed + (f" {claim.unit}" if claim.unit else "")
+        return claim.printed + _unit(claim)
     if claim.relation is None:
         return ""
     bounds = claim.threshold if isinstance(claim.threshold, tuple) else (claim.threshold,)
     symbol = {"<=": "≤ ", ">=": "≥ ", "==": "= ", "between": ""}[claim.relation]
-    return symbol + " to ".join(f"{bound:g}" for bound in bounds) + (f" {claim.unit}" if claim.unit else "")
+    return symbol + " to ".join(f"{bound:g}" for bound in bounds) + _unit(claim)
+
+
+def _unit(claim):
+    return f" {claim.unit}" if claim.unit not in ("", "1") else ""
