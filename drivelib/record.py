@@ -130,7 +130,7 @@ class Record:
         if claim_id in self.judgements:
             raise ValueError(f"{claim_id} was judged before in this notebook")
         numbers = {key: _plain(value) for key, value in evidence.items()}
-        ours = None if ours is None else float(ours)
+        ours = ours if ours is None or isinstance(ours, str) else float(ours)
         self.judgements[claim_id] = ledger.judge(self.claims[claim_id], ours, **numbers)
 
     def table(self):
