@@ -6,6 +6,12 @@ import errno
 import os
 import sys
 
+ITEMS = "items, such as eskander/fig02, or a paper's name for all of its items (default: all)"
+RUN = """An ID is a notebook's path below notebooks/ and may end before the first underscore. Repeat -p for more
+than one parameter. Lists stand in quotes, as 'torque_range=[0.1,1]'. For example:
+
+  python -m drivelib run eskander/fig02 -p T_e=2 -p 'speeds_rpm=[300,900]' --out mine"""
+
 
 def main(arguments=None):
     """Parse the command line, run one command, return the exit status."""
@@ -13,7 +19,7 @@ def main(arguments=None):
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     reproduce = commands.add_parser("reproduce", help="run the notebooks that are stale and publish their results")
-    reproduce.add_argument("items", nargs="*", metavar="ID", help="items, such as eskander/fig02 (default: all)")
+    reproduce.add_argument("items", nargs="*", metavar="ID", help=ITEMS)
     reproduce.add_argument("--jobs", type=int, default=os.cpu_count(), help="notebooks at once (default: one per core)")
     reproduce.add_argument("--force", action="store_true", help="run fresh ones too")
     reproduce.add_argument("--check", action="store_true", help="run all, compare with the committed files, write nothing")
@@ -22,13 +28,13 @@ def main(arguments=None):
     reproduce.add_argument("--keep", metavar="DIR", help="with --check: where to leave the difference page when something differs")
 
     difference = commands.add_parser("difference", help="what changed in numbers, arrays and pictures, as a page")
-    difference.add_argument("items", nargs="*", metavar="ID")
+    difference.add_argument("items", nargs="*", metavar="ID", help=ITEMS)
     difference.add_argument("--against", metavar="DIR", help="another tree's root (default: the files that git holds as accepted)")
     difference.add_argument("--fresh", action="store_true", help="run the items and compare with the published files instead")
     difference.add_argument("--jobs", type=int, default=os.cpu_count(), help="with --fresh: notebooks at once")
     difference.add_argument("--out", metavar="DIR", help="where to write the page (default: build/difference)")
     accept = commands.add_parser("accept", help="print old and new numbers of what changed, and accept it: git add")
-    accept.add_argument("items", nargs="*", metavar="ID")
+    accept.add_argument("items", nargs="*", metavar="ID", help=ITEMS)
     verify = commands.add_parser("verify", help="the expensive checks: permutations of the whole pack, or other processors")
     verify.add_argument("items", nargs="*", metavar="ID", help="with --cpu or --without: these items only")
     verify.add_argument("--cpu", action="append", default=[], help="compare with this processor, emulated by QEMU; may be repeated")
@@ -36,18 +42,21 @@ def main(arguments=None):
     verify.add_argument("-p", dest="parameters", action="append", default=[], metavar="NAME=VALUE")
     verify.add_argument("--jobs", type=int, default=os.cpu_count(), help="runs at once")
 
-    run = commands.add_parser("run", help="run one notebook with your own parameters, outside the published results")
-    run.add_argument("item", metavar="ID")
-    run.add_argument("-p", dest="parameters", action="append", default=[], metavar="NAME=VALUE")
+    own = "run one notebook with your own parameters, outside the published results"
+    run = commands.add_parser("run", help=own, description=own, epilog=RUN, formatter_class=argparse.RawDescriptionHelpFormatter)
+    run.add_argument("item", metavar="ID", help="one item, such as eskander/fig02")
+    parameter = "a name and value of its parameters cell; repeat -p for more than one"
+    run.add_argument("-p", dest="parameters", action="append", default=[], metavar="NAME=VALUE", help=parameter)
     run.add_argument("--out", metavar="DIR", help="where to write (default: build/runs)")
 
-    commands.add_parser("status", help="what is stale, and why")
+    status = commands.add_parser("status", help="what is stale, and why")
+    status.add_argument("items", nargs="*", metavar="ID", help=ITEMS)
     claims = commands.add_parser("claims", help="the ledger as a table")
     claims.add_argument("--paper", help="one paper only")
-    claims.add_argument("--item", help="claims of items that start with this, such as eskander/fig02")
-    claims.add_argument("--verdict", help="claims with this verdict only")
+    claims.add_argument("--item", metavar="ID", help="claims of one item only, such as eskander/fig02")
+    claims.add_argument("--verdict", help="claims with this verdict only, in quotes, such as 'reproduced, corrected'")
     clean = commands.add_parser("clean-notebooks", help="bring notebooks that were saved by hand into the committed form")
-    clean.add_argument("items", nargs="*", metavar="ID")
+    clean.add_argument("items", nargs="*", metavar="ID", help=ITEMS)
     site = commands.add_parser("site", help="everything as one static folder to be read in a browser, without a server")
     site.add_argument("--out", metavar="DIR", help="where to write (default: build/site)")
     site.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes at once")

@@ -14,6 +14,7 @@ from pathlib import Path
 from drivelib import paths
 from drivelib.validation import choice, nearest, number
 
+DEFAULT = "default"  # the case that a notebook assumes, among its alternatives
 INDEX = "index"  # the one item of no paper: where a reader starts; it needs all others and judges nothing
 TOLERANCE = 1e-6  # relative; below it an array or a number counts as unchanged, where byte identity is not asked for
 
@@ -133,8 +134,8 @@ def judge(claim, ours=None, *, as_printed=None, alternatives=None, fit=None, not
     Parameters
     ----------
     claim : Claim
-    ours : float
-        The measured number under the default assumptions.
+    ours : float or str
+        The measured number under the default assumptions, or the label of the alternative that is the default.
     as_printed : float, optional
         The same measure with a misprinted formula used literally.
     alternatives : mapping of str to float, optional
@@ -163,9 +164,12 @@ def judge(claim, ours=None, *, as_printed=None, alternatives=None, fit=None, not
         return Judgement(claim, NOT_CHECKABLE, ours, window="omitted: " + "; ".join(claim.omitted), note=note)
     if ours is None:
         raise ValueError(f"{claim.id}: no measured value given, the claim needs one in {claim.unit or 'pure numbers'}")
-    cases = {"default": ours, **(alternatives or {})}
+    default, cases = DEFAULT, dict(alternatives or {})
+    if isinstance(ours, str):
+        default, ours = ours, cases[choice(f"{claim.id}: ours", ours, tuple(cases))]
+    cases = {default: ours} | cases
     holding = [label for label, value in cases.items() if claim.holds(value)]
-    window = _window(holding, cases) if alternatives else ""
+    window = _window(holding, cases, default) if alternatives else ""
     if fit is not None:
         verdict = FITTED if claim.holds(ours) else NOT_REPRODUCED
         window = f"{fit[0]} free, {fit[1]} matched"
@@ -182,10 +186,13 @@ def judge(claim, ours=None, *, as_printed=None, alternatives=None, fit=None, not
     return Judgement(claim, verdict, ours, as_printed, window, note)
 
 
-def _window(holding, cases):
+def _window(holding, cases, default):
     if len(holding) in (0, len(cases)):
-        return f"holds for {'all' if holding else 'none'} of the {len(cases)} cases tried"
-    return f"holds for {len(holding)} of {len(cases)} cases: {'; '.join(holding)}"
+        return f"holds in {'all' if holding else 'none'} of the {len(cases)} cases tried"
+    shown = {label: label for label in cases}
+    shown[default] = "as assumed here" if default == DEFAULT else f"{default} (as assumed here)"
+    inside, outside = ("; ".join(shown[label] for label in cases if (label in holding) == wanted) for wanted in (True, False))
+    return f"holds in {len(holding)} of {len(cases)} cases: {inside}; not in: {outside}"
 
 
 def papers():

@@ -4,10 +4,13 @@ import ast
 import hashlib
 import json
 import math
+import re
 
+from drivelib import ledger
 from drivelib.validation import nearest
 
 PARAMETERS_TAG = "parameters"
+INJECTED_TAG = "injected-parameters"  # papermill's own cell, which no committed notebook has
 METADATA = {
     "kernelspec": {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"},
     "language_info": {"file_extension": ".py", "mimetype": "text/x-python", "name": "python", "pygments_lexer": "ipython3"},
@@ -46,6 +49,14 @@ def source(cell):
 def code(content):
     """Return the sources of all code cells."""
     return [source(cell) for cell in content["cells"] if cell["cell_type"] == "code"]
+
+
+def assumptions(content, item_id):
+    """Return ``{name: text}`` of the assumptions of the item's ledger that the notebook's text cites, in the order of the text."""
+    paper = ledger.papers().get(item_id.split("/")[0])
+    text = "\n".join(source(cell) for cell in content["cells"] if cell["cell_type"] == "markdown")
+    names = re.findall(r"(?<!\[)`([\w-]+)`(?!\])", text)  # a link is one to code
+    return {name: paper.assumptions[name] for name in names if name in paper.assumptions} if paper else {}
 
 
 def parameters(content, name="notebook"):
@@ -92,12 +103,15 @@ def check_overrides(given, defaults, name):
                 f"{name} has no parameter {parameter!r}, it has {', '.join(defaults) or 'none'}{nearest(parameter, defaults)}"
             )
         default = defaults[parameter]
-        number = isinstance(default, (int, float)) and not isinstance(default, bool)
-        fits = isinstance(value, (int, float)) and not isinstance(value, bool) if number else type(value) is type(default)
         if isinstance(value, float) and not math.isfinite(value):
             raise ValueError(f"{name}: {parameter} = {value!r}: must be finite")
-        if not fits:
-            raise ValueError(f"{name}: {parameter} = {value!r}: must be of the kind of its default {default!r}")
+        if _kind(value) != _kind(default):
+            raise ValueError(f"{name}: {parameter} = {value!r}: must be {_kind(default)}, such as {default!r}")
+
+
+def _kind(value):
+    kinds = {bool: "True or False", int: "a number", float: "a number", str: "a text", list: "a list"}
+    return kinds.get(type(value), f"a {type(value).__name__}")
 
 
 def digest(content):
@@ -133,9 +147,10 @@ def dumps(content):
 
 
 def unpublishable(content):
-    """Return why a notebook must not be published, or an empty list."""
+    """Return why a notebook must not be published, or an empty list; cells are counted as their [n] in the committed one."""
     reasons = []
-    for number, cell in enumerate(content["cells"], start=1):
+    cells = [cell for cell in content["cells"] if cell["cell_type"] == "code" and INJECTED_TAG not in cell["metadata"].get("tags", ())]
+    for number, cell in enumerate(cells, start=1):
         for output in cell.get("outputs", ()):
             if output["output_type"] == "error":
                 reasons.append(f"cell {number} raised {output.get('ename')}: {output.get('evalue')}")

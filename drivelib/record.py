@@ -18,6 +18,7 @@ import numpy as np
 
 from drivelib import environment, ledger, notebook, paths
 from drivelib.validation import nearest
+from drivelib.verdict_table import verdict_table
 
 SCHEMA = 1
 DIGITS = 9  # what survives a change of processor and compiler with margin; more would be noise
@@ -26,6 +27,7 @@ OUT = "DRIVELIB_OUT"
 SUFFIXES = ("png", "svg", "csv")
 EXPORTS = "exports"  # folder of a run's firmware files
 UNPUBLISHED = "not the published conditions"
+OTHER_NUMBERS = "*Written for the published numbers; with others the table above speaks, not these sentences.*\n\n"
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,7 @@ class Record:
         self.machines = []
         self.alt = None
         self.artefacts = {}
+        self._say_assumptions()
         pins = environment.missing_pins()
         if pins:
             say = "Not pinned, so the last digits may differ from the published ones: " + ", ".join(pins)
@@ -113,7 +116,7 @@ class Record:
         self._write("svg", svg.getvalue())
         self._write("csv", _csv(columns).encode())
         display(Image(data=png.getvalue(), format="png", alt=self.alt))
-        _say(f"*In words:* {self.alt}")
+        _say(f"*In words{'' if self.published else ', for the published numbers'}:* {self.alt}")
 
     def compare(self, claim_id, ours=None, **evidence):
         """Judge one claim; see `drivelib.ledger.judge` for the evidence it takes.
@@ -128,25 +131,17 @@ class Record:
         if claim_id in self.judgements:
             raise ValueError(f"{claim_id} was judged before in this notebook")
         numbers = {key: _plain(value) for key, value in evidence.items()}
-        ours = None if ours is None else float(ours)
+        ours = ours if ours is None or isinstance(ours, str) else float(ours)
         self.judgements[claim_id] = ledger.judge(self.claims[claim_id], ours, **numbers)
 
     def table(self):
         """Show every claim: printed or asked, ours, deviation, tolerance, verdict."""
-        rows = ["| claim | measured | paper | ours | deviation | allowed | verdict |", "|---|---|---:|---:|---:|---|---|"]
-        rows += [self._row(judgement) for judgement in self.judgements.values()]
-        notes = [
-            f"- `{judgement.claim.id}`: " + "; ".join(part for part in (judgement.window, judgement.note) if part)
-            for judgement in self.judgements.values()
-            if judgement.window or judgement.note
-        ]
-        if any(judgement.claim.relation not in (None, "matches") for judgement in self.judgements.values()):
-            notes.append("- A verdict that rests on a threshold would flip if the threshold passed our number.")
-        _say("\n".join(rows) + "\n\n" + "\n".join(notes))
+        judged = self.judgements.values()
+        _say(verdict_table(judged, [self._verdict(judgement) for judgement in judged]))
 
     def reading(self, text):
         """Show the reading: what agrees, what does not, and why. Numbers come in as an f-string."""
-        _say(inspect.cleandoc(text))
+        _say(("" if self.published else OTHER_NUMBERS) + inspect.cleandoc(text))
 
     def finish(self):
         """Write the JSON, last and atomically.
@@ -186,16 +181,11 @@ class Record:
     def _verdict(self, judgement):
         return judgement.verdict if self.published else UNPUBLISHED
 
-    def _row(self, judgement):
-        claim = judgement.claim
-        paper, allowed = describe(claim)
-        ours = f"{judgement.ours:.5g}" if judgement.ours is not None else ""
-        if judgement.as_printed is not None:
-            ours += f" (as printed: {judgement.as_printed:.4g})"
-        deviation = f"{judgement.deviation:+.2g}" if judgement.deviation is not None else ""
-        what = f"{claim.measure} [{claim.unit}]" if claim.unit else claim.measure
-        said = [f"`{claim.id}`", what, paper, ours, deviation, allowed, self._verdict(judgement)]
-        return "| " + " | ".join(table_cell(text) for text in said) + " |"
+    def _say_assumptions(self):
+        """Show the text of every assumption that the notebook cites, for a reader who has no ledger at hand."""
+        cited = notebook.assumptions(notebook.read(paths.notebook(self.item)), self.item)
+        if cited:
+            _say("**Assumed here**\n\n" + "\n".join(f"- `{name}`: {text}" for name, text in cited.items()))
 
     def _claim(self, judgement):
         return {
@@ -215,22 +205,6 @@ def _say(text):
     from IPython.display import Markdown, display
 
     display(Markdown(text))
-
-
-def describe(claim):
-    """Return (what the paper prints, what is allowed with the reason) as text for a table."""
-    if claim.relation is None:
-        return "", ""
-    if claim.relation == "matches":
-        return claim.printed, f"± {claim.tolerance:g}: {claim.reason}"
-    bounds = " to ".join(f"{bound:g}" for bound in (claim.threshold if isinstance(claim.threshold, tuple) else (claim.threshold,)))
-    symbol = {"<=": "≤", ">=": "≥", "==": "=", "between": ""}[claim.relation]
-    return "in words", f"{symbol} {bounds}: {claim.reason}".strip()
-
-
-def table_cell(text):
-    """Return a text as it must stand in a cell of a Markdown table."""
-    return text.replace("|", "\\|")
 
 
 def rounded(value):

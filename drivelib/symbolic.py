@@ -46,7 +46,7 @@ def evidence(eq, point, dimensions):
             result["note"] += f"; as printed it would hold {label}"
     if others:
         result["alternatives"] = {label: errors[label] for label in others}
-        result["note"] = f"default: {default}" + (f"; {eq.mend}" if eq.mend else "")
+        result["note"] = f"assumed here: {default}" + (f"; {eq.mend}" if eq.mend else "")
     return result
 
 

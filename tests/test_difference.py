@@ -112,6 +112,20 @@ def test_below_the_items_tolerance_an_array_is_unchanged_and_a_count_never_is(tw
     layers.ledger.load.cache_clear()
 
 
+def test_a_changed_line_is_named_and_no_picture_is_printed(two, tmp_path):
+    old, new = two
+    said = lambda: [one.what for one in layers.compare(old.root, new.root, ["mini/fig01_line"]) if one.layer == "notebook"]  # noqa: E731
+    content = json.loads(new.notebook("fig01_line").read_text())
+    pictures = [output["data"] for cell in content["cells"] for output in cell["outputs"] if "image/png" in output.get("data", {})]
+    pictures[0]["image/png"] = ["iVBORw0KGgo" + "".join(pictures[0]["image/png"])[::-1]]
+    new.notebook("fig01_line").write_text(json.dumps(content))
+    assert said() == ["/cells/cell-04/outputs/0/data/image/png/0: the picture differs"]
+    difference.write_page(old.root, new.root, ["mini/fig01_line"], [], tmp_path / "page")
+    assert "iVBORw0KGgo" not in (tmp_path / "page" / "index.html").read_text()
+    replace(new.notebook("fig01_line"), "[0, slope])\\n", "[0, 1.02 * slope])\\n")
+    assert said() == ["cell-04, line 2: axis.plot([0, 1], [0, slope]) → axis.plot([0, 1], [0, 1.02 * slope])"]
+
+
 @pytest.mark.parametrize("suffix", ["json", "csv", "png", "svg"])
 def test_a_missing_or_broken_file_is_a_difference(two, suffix):
     old, new = two

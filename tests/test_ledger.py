@@ -55,6 +55,17 @@ def test_what_is_left_open_decides_between_reproduced_assumed_and_not_reproduced
     assert ledger.judge(printed(), 0, alternatives={"b": 0}).verdict == ledger.NOT_REPRODUCED
 
 
+def test_the_cases_are_named_on_both_sides_and_the_default_counts_once():
+    others = {"default": 118.9, "b": 0, "c": 118.9}
+    assert ledger.judge(printed(), 118.9, alternatives=others).window == "holds in 2 of 3 cases: as assumed here; c; not in: b"
+    named = ledger.judge(printed(), "c", alternatives={"a": 118.9, "b": 0, "c": 118.9})
+    assert named.window == "holds in 2 of 3 cases: c (as assumed here); a; not in: b" and named.ours == 118.9
+    with pytest.raises(ValueError, match="p/a: ours = 'cc': must be one of 'c'. Did you mean c?"):
+        ledger.judge(printed(), "cc", alternatives={"c": 118.9})
+    assert ledger.judge(printed(), 118.9, alternatives={"b": 118.9}).window == "holds in all of the 2 cases tried"
+    assert ledger.judge(printed(), 0, alternatives={"b": 0}).window == "holds in none of the 2 cases tried"
+
+
 def test_what_the_papers_own_equation_refutes_is_contradicted_even_with_assumptions():
     refuted = claim(relation="<=", threshold=1, refuted_by="p/eq16")
     assert ledger.judge(refuted, 2, alternatives={"b": 3}).verdict == ledger.CONTRADICTED

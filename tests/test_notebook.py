@@ -33,7 +33,7 @@ def test_a_mistyped_parameter_suggests_the_nearest():
 
 @pytest.mark.parametrize("value", ["x", True, None, [1]])
 def test_a_parameter_of_another_kind_is_refused(value):
-    with pytest.raises(ValueError, match="must be of the kind of its default 200.0"):
+    with pytest.raises(ValueError, match="must be a number, such as 200.0"):
         notebook.check_overrides({"R_c": value}, {"R_c": 200.0}, "fig")
 
 

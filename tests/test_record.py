@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from drivelib import plotting, record
+from drivelib import plotting, record, verdict_table
 
 
 @pytest.fixture
@@ -30,6 +30,59 @@ def test_finish_wants_every_claim_and_every_artefact(item):
     show(item)
     item.finish()
     assert json.loads((item.folder / "fig01_line.json").read_text())["published"] is False
+
+
+def shown(monkeypatch):
+    said = []
+    monkeypatch.setattr(record, "_say", said.append)
+    return said
+
+
+def test_with_other_numbers_the_texts_say_that_they_were_written_for_the_published(item, monkeypatch):
+    said = shown(monkeypatch)
+    for published in (False, True):
+        item.published = published
+        show(item)
+        item.reading("Every line rises.")
+    assert said == [
+        "*In words, for the published numbers:* A line.",
+        "*Written for the published numbers; with others the table above speaks, not these sentences.*\n\nEvery line rises.",
+        "*In words:* A line.",
+        "Every line rises.",
+    ]
+
+
+def test_begin_shows_the_assumptions_that_the_text_cites(reproduced, monkeypatch):
+    path = reproduced.root / "drivelib" / "papers" / "mini.toml"
+    path.write_text('[assumptions]\nslope-unit = "The unit is not printed."\nother = "x"\nlinked = "y"\n' + path.read_text())
+    content = json.loads(reproduced.notebook("fig01_line").read_text())
+    content["cells"][2] |= {"cell_type": "markdown", "source": ["Code: [`linked`](x.py). The unit (assumption `slope-unit`), and `unknown`."]}
+    reproduced.notebook("fig01_line").write_text(json.dumps(content))
+    monkeypatch.setenv("DRIVELIB_ROOT", str(reproduced.root))
+    record.ledger.load.cache_clear()
+    said = shown(monkeypatch)
+    record.Record("mini/fig01_line", {"slope": 2.0})
+    record.ledger.load.cache_clear()
+    assert said[0] == "**Assumed here**\n\n- `slope-unit`: The unit is not printed."
+
+
+def judged(relation, ours, **changes):
+    values = {"printed": "2.0", "tolerance": 0.05, "reason": "r"} if relation == "matches" else {"threshold": 1.0, "reason": "r"}
+    one = record.ledger.Claim(id="p/a", item="p/fig", where="w", text="t", relation=relation, unit="m", measure="height", **values)
+    return record.ledger.judge(one, ours, **changes)
+
+
+def test_a_column_without_an_entry_is_left_out_of_the_table():
+    words, number = judged("<=", 0.5), judged("matches", 2.0)
+    head = [verdict_table.verdict_table(rows, ["v"] * len(rows)).splitlines()[0] for rows in ([words], [words, number])]
+    assert head == ["| claim | measured | ours | allowed | verdict |", "| claim | measured | paper | ours | deviation | allowed | verdict |"]
+    for line in verdict_table.verdict_table([words, number], ["v", "v"]).splitlines()[:4]:
+        assert line.count("|") == 8
+
+
+def test_cases_and_note_stand_one_under_the_other():
+    text = verdict_table.verdict_table([judged("<=", 0.5, alternatives={"b, at 2 m": 2.0, "c": 0.1}, note="a note")], ["v"])
+    assert "- `p/a`:\n  - holds in 2 of 3 cases: as assumed here; c; not in: b, at 2 m\n  - a note\n" in text
 
 
 def test_a_claim_is_judged_once_and_by_its_own_notebook(item):

@@ -166,6 +166,23 @@ def test_other_parameters_stay_outside_the_published_results(reproduced, tmp_pat
     assert reproduced.files() == before
 
 
+def test_the_notebook_of_a_run_says_where_its_files_lie(reproduced, tmp_path):
+    target = tmp_path / "of mine"
+    assert reproduced.run("run", "mini/fig01", "-p", "slope=3", "--out", target).returncode == 0
+    text = (target / "fig01_line.ipynb").read_text()
+    assert f"Written to `{target}`" in text
+    assert "drivelib-run-" not in text
+
+
+def test_an_error_names_the_same_cell_with_and_without_parameters(reproduced):
+    reproduced.write_cells("fig01_line", ["slope = 2.0", "a = 1", "raise RuntimeError('no bearing')"])
+    for command in (["reproduce", "mini/fig01"], ["run", "mini/fig01"], ["run", "mini/fig01", "-p", "slope=3"]):
+        assert "cell 3 raised RuntimeError: no bearing" in reproduced.run(*command).stdout
+    reproduced.write_cells("fig01_line", ["slope = 2.0", "import sys\nprint('careful', file=sys.stderr)"])
+    for command in (["reproduce", "mini/fig01"], ["run", "mini/fig01", "-p", "slope=3"]):
+        assert "cell 2 wrote to stderr" in reproduced.run(*command).stdout
+
+
 def test_a_users_start_up_file_and_kernelspec_do_not_reach_the_kernel(reproduced, tmp_path):
     home = tmp_path / "home"
     startup = home / ".ipython" / "profile_default" / "startup"

@@ -55,7 +55,7 @@ LAYERS = (
         "What a notebook calls: figures, diagrams, its record, exports.",
         (
             "environment", "bootstrap", "notebook", "plotting", "diagrams", "network_diagram", "schemes", "schemes_zidani",
-            "orientation", "claim_map", "record", "export", "interactive", "pmsm_panels", "dfim_panels",
+            "orientation", "claim_map", "verdict_table", "record", "export", "interactive", "pmsm_panels", "dfim_panels",
         ),
     ),
     Layer(

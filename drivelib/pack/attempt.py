@@ -37,13 +37,17 @@ class Job:
 
 @dataclass
 class Outcome:
-    """How one item ended: ``failure`` is None when it passed; ``cell_seconds`` is what its cells took of ``seconds``."""
+    """How one item ended: ``failure`` is None when it passed; ``cell_seconds`` is what its cells took of ``seconds``.
+
+    ``folder`` is where the notebook wrote, and said that it did; ``files`` have left it.
+    """
 
     item: str
     failure: str | None
     seconds: float
     files: dict[str, Path] = field(default_factory=dict)
     cell_seconds: float = 0.0
+    folder: Path | None = None
 
 
 def limits(item_id):
@@ -114,7 +118,7 @@ class Attempt:
         if failure is not None:
             failure = _one_line(failure if not log or "raised" in failure else f"{failure} [{log}]")
         files = {} if failure else {path.suffix: path for path in self._staged() if path.exists()}
-        return Outcome(self.item, failure, time.monotonic() - self.started, files, self.cell_seconds)
+        return Outcome(self.item, failure, time.monotonic() - self.started, files, self.cell_seconds, self.folder)
 
     def kill(self):
         """End every process of this run and remove its private folders."""
@@ -184,6 +188,10 @@ class Attempt:
         for path, staged in zip(files, self._staged(), strict=False):  # the index may have its notebook only
             staged.parent.mkdir(parents=True, exist_ok=True)
             path.replace(staged)
+        if (self.folder / record.EXPORTS).exists():
+            exports = self.stage / record.EXPORTS / self.item
+            exports.parent.mkdir(parents=True, exist_ok=True)
+            (self.folder / record.EXPORTS).replace(exports)
         return None
 
 

@@ -92,6 +92,8 @@ def _walk(old, new, where, tolerance):
         return "" if len(old) == len(new) else f"{where}: {len(old)} entries committed, {len(new)} computed"
     if _same(old, new, tolerance):
         return ""
+    if "/data/image/" in where:
+        return f"{where}: the picture differs"
     shown = [str(value) if len(str(value)) < 120 else str(value)[:120] + "…" for value in (old, new)]
     return f"{where}: committed {shown[0].strip()}, computed {shown[1].strip()}"
 

@@ -1,14 +1,18 @@
 """The commands behind ``python -m drivelib``: what they print and their exit status."""
 
+import json
 import random
 import shutil
 import subprocess
 import tempfile
 import time
+from collections import Counter
 from pathlib import Path
 
 import filelock
 from rich.console import Console
+from rich.markup import escape
+from rich.padding import Padding
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
@@ -16,7 +20,9 @@ from drivelib import environment, ledger, notebook, paths
 from drivelib.__main__ import parse_parameter
 from drivelib.pack import check, difference, freshness, layers, publishing, readme, report, runner
 from drivelib.record import EXPORTS, write_atomically
+from drivelib.validation import choice
 
+WIDE = 120  # columns that the table of claims needs
 STYLES = {
     ledger.REPRODUCED: "green",
     ledger.SHOWN: "green",
@@ -58,7 +64,7 @@ def _publish(console, chosen, options):
     found = report.results()
     if not failures and not options.items:
         readme.update(found)
-    return _verdicts(console, found, failures, orphans, f"{len(ran)} of {len(chosen)} notebooks run")
+    return _verdicts(console, chosen, found, failures, orphans, f"{len(ran)} of {len(chosen)} notebooks run")
 
 
 def _stale(chosen, ran, force):
@@ -105,13 +111,16 @@ def _check(console, chosen, options):
     finally:
         shutil.rmtree(stage, ignore_errors=True)
     how = "byte by byte" if environment.is_reference() else f"within {check.TOLERANCE:g}, for this is not the reference platform"
-    return _verdicts(console, found, failures, differences, f"{len(chosen)} notebooks run in the order of --seed {seed}, compared {how}")
+    return _verdicts(console, chosen, found, failures, differences, f"{len(chosen)} notebooks run in the order of --seed {seed}, compared {how}")
 
 
 def run(options):
     """Run one notebook with other parameters into a folder of its own."""
     console = Console()
-    (item,) = runner.select([options.item]).values()
+    chosen = runner.select([options.item])
+    if len(chosen) > 1:
+        raise ValueError(f"{options.item!r} stands for {len(chosen)} items, and run takes one, such as {next(iter(chosen))}")
+    (item,) = chosen.values()
     given = dict(map(parse_parameter, options.parameters))
     notebook.check_overrides(given, notebook.parameters(notebook.read(paths.notebook(item.id))), item.id)
     target = Path(options.out).resolve() if options.out else paths.build("runs", item.id)
@@ -123,9 +132,12 @@ def run(options):
             console.print(f"[red]failed[/] {item.id}: {outcome.failure}", markup=True, highlight=False)
             return 1
         target.mkdir(parents=True, exist_ok=True)
+        # The notebook says where it wrote, which is not where its files will lie.
+        wrote, lies = (json.dumps(folder.as_posix(), ensure_ascii=False)[1:-1].encode() for folder in (outcome.folder, target))
         for path in outcome.files.values():
-            write_atomically(target / path.name, path.read_bytes())
-        for path in sorted((stage / "figures" / item.id).parent.glob(f"{EXPORTS}/*")):
+            content = path.read_bytes()
+            write_atomically(target / path.name, content.replace(wrote, lies) if path.suffix == ".ipynb" else content)
+        for path in sorted((stage / EXPORTS / item.id).glob("*")):
             write_atomically(target / EXPORTS / path.name, path.read_bytes())
     finally:
         shutil.rmtree(stage, ignore_errors=True)
@@ -137,7 +149,7 @@ def status(options):
     """Print what is stale and why."""
     console = Console()
     seen = {}
-    for id_, item in runner.items().items():
+    for id_, item in runner.select(options.items).items():
         reasons = freshness.why_stale(item, seen)
         console.print(f"{id_}: " + (f"[yellow]stale[/]: {'; '.join(reasons)}" if reasons else "[green]fresh[/]"), highlight=False, soft_wrap=True)
     return 0
@@ -146,25 +158,32 @@ def status(options):
 def claims(options):
     """Print the ledger as a table."""
     console = Console()
-    known = (*ledger.VERDICTS, report.OPEN)
-    if options.verdict and options.verdict not in known:
-        raise ValueError(f"--verdict {options.verdict!r}: must be one of {', '.join(known)}")
-    if options.paper and options.paper not in ledger.papers():
-        raise ValueError(f"--paper {options.paper!r}: must be one of {', '.join(ledger.papers())}")
+    if options.verdict:
+        choice("--verdict", options.verdict, (*ledger.VERDICTS, report.OPEN))
+    if options.paper:
+        choice("--paper", options.paper, tuple(ledger.papers()))
+    items = runner.select([options.item]) if options.item else None
     table = Table(box=None, pad_edge=False)
     for name in ("claim", "text", "asked", "ours", "verdict"):
-        table.add_column(name, justify="right" if name == "ours" else "left", overflow="fold")
-    shown = 0
+        table.add_column(name, justify="right" if name == "ours" else "left", overflow="fold", no_wrap=name == "claim")
+    shown = []
     for claim, result, verdict in report.rows(report.results()):
         if options.paper and not claim.id.startswith(options.paper + "/"):
             continue
-        if (options.item and not claim.item.startswith(options.item)) or (options.verdict and verdict != options.verdict):
+        if (items and claim.item not in items) or (options.verdict and verdict != options.verdict):
             continue
-        style = STYLES.get(verdict, "")
-        table.add_row(claim.id, claim.text, report.asked(claim), report.ours(claim, result), f"[{style}]{verdict}[/]" if style else verdict)
-        shown += 1
-    console.print(table)
-    console.print(f"{shown} claims", highlight=False)
+        style = STYLES.get(verdict, "default")
+        shown.append((claim.id, escape(claim.text), escape(report.asked(claim)), escape(report.ours(claim, result)), f"[{style}]{verdict}[/]"))
+    if console.width < WIDE:  # a table's columns would be too narrow for words: two or three lines a claim
+        for id_, text, asked, ours, verdict in shown:
+            console.print(f"{id_}: {verdict}", highlight=False, soft_wrap=True)
+            numbers = "; ".join(f"{name} {value}" for name, value in (("asked", asked), ("ours", ours)) if value)
+            console.print(Padding(text + (f" ({numbers})" if numbers else ""), (0, 0, 0, 4), expand=False), highlight=False)
+    else:
+        for row in shown:
+            table.add_row(*row)
+        console.print(table)
+    console.print(f"{len(shown)} claims", highlight=False)
     return 0
 
 
@@ -212,10 +231,9 @@ def _watched(console, chosen, options, stage, check=False, seed=None):
             yield outcome
 
 
-def _verdicts(console, found, failures, problems, summary):
-    counts = {}
-    for *_, verdict in report.rows(found):
-        counts[verdict] = counts.get(verdict, 0) + 1
+def _verdicts(console, chosen, found, failures, problems, summary):
+    counts = Counter(verdict for claim, _, verdict in report.rows(found) if claim.item in chosen)
+    console.print(f"Verdicts of {', '.join(chosen) if len(chosen) <= 3 else f'{len(chosen)} items'}:", highlight=False, soft_wrap=True)
     table = Table(box=None, pad_edge=False, show_header=False)
     for verdict in (*ledger.VERDICTS, report.OPEN):
         if verdict in counts:

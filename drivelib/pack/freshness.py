@@ -28,6 +28,7 @@ def _parts(item, modules, seen):
     content = notebook.read(paths.notebook(item.id))
     claims = [asdict(claim) for claim in ledger.claims_of(item.id).values()]
     found = {"cells and parameters": notebook.digest(content), "claims": _digest(json.dumps(claims).encode())}
+    found["assumptions"] = _digest(json.dumps(notebook.assumptions(content, item.id)).encode())
     if item.id == ledger.INDEX:
         found["findings"] = _digest(json.dumps([[paper.headlines, paper.findings] for paper in ledger.papers().values()]).encode())
     files = {f"drivelib/{module}": PACKAGE / module for module in (closure(notebook.code(content)) if modules is None else modules)}

@@ -6,6 +6,7 @@ font changes them all.
 
 import csv
 import io
+import itertools
 import json
 import shutil
 import tempfile
@@ -14,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drivelib import ledger
+from drivelib import ledger, notebook
 from drivelib.pack import check, freshness
 
 LAYERS = ("claims", "arrays", "pictures", "notebook")
@@ -160,10 +161,25 @@ def _rms(old, new):
 
 
 def rest(old, new, item):
-    """Return the first difference of the notebooks: text, code and the outputs shown."""
+    """Return the first line that differs in each cell of the notebooks, or else the first difference of the outputs shown."""
     if not old["ipynb"].exists() or not new["ipynb"].exists() or old["ipynb"].read_bytes() == new["ipynb"].read_bytes():
         return []
-    return [Difference(item, "notebook", check.first_difference(old["ipynb"], new["ipynb"], 0.0), 0.0)]
+    try:
+        changed = _changed_lines(*(notebook.read(tree["ipynb"])["cells"] for tree in (old, new)))
+    except (ValueError, LookupError, TypeError):
+        changed = []  # no readable notebook; what follows says so
+    return [Difference(item, "notebook", what, 0.0) for what in changed or [check.first_difference(old["ipynb"], new["ipynb"], 0.0)]]
+
+
+def _changed_lines(old, new):
+    """Return what the first line that differs is in each cell of two notebooks, as text."""
+    found, nothing = [], {"id": "", "source": []}
+    for before, after in itertools.zip_longest(old, new, fillvalue=nothing):
+        lines = itertools.zip_longest(*(notebook.source(cell).splitlines() for cell in (before, after)), fillvalue="")
+        different = ((number, *pair) for number, pair in enumerate(lines, start=1) if pair[0] != pair[1])
+        for number, a, b in itertools.islice(different, 1):
+            found.append(f"{before['id'] or after['id']}, line {number}: {a.strip()} → {b.strip()}")
+    return found
 
 
 def _missing(old, new, item, layer, suffix):

@@ -4,7 +4,8 @@ from html import escape
 
 from drivelib import ledger, paths
 from drivelib.pack import report
-from drivelib.record import table_cell, write_atomically
+from drivelib.record import write_atomically
+from drivelib.verdict_table import table_cell
 
 BEGIN, END = "<!-- verdicts: begin (rendered by `python -m drivelib reproduce`) -->", "<!-- verdicts: end -->"
 FAILED = (ledger.NOT_REPRODUCED, ledger.CONTRADICTED, ledger.NOT_CHECKABLE)

@@ -1,7 +1,9 @@
 """Run notebooks in parallel, each in processes of its own, and publish what has passed every check."""
 
+import difflib
 import os
 import random
+import re
 import shutil
 import signal
 import tempfile
@@ -14,7 +16,6 @@ from pathlib import Path
 from drivelib import ledger, notebook, paths
 from drivelib.pack import attempt, freshness, preloaded, publishing, tokens
 from drivelib.pack.attempt import Outcome
-from drivelib.validation import nearest
 
 
 def items():
@@ -47,23 +48,38 @@ def items():
 
 
 def select(names):
-    """Return the items that the names stand for: an id, or the start of one that fits a single item.
+    """Return the items that the names stand for: an id, the start of one that fits a single item, or a paper for all of its items.
 
     Raises
     ------
     ValueError
-        If a name fits none (the nearest is suggested) or more than one.
+        If a name fits none (the nearest are suggested) or is the start of more than one.
     """
     known = items()
     chosen = {}
     for name in names:
-        name = name.removesuffix(".ipynb").removeprefix("notebooks/")
-        fits = [id_ for id_ in known if id_ == name] or [id_ for id_ in known if id_.startswith(name + "_")]
-        if len(fits) != 1:
-            several = f"stands for {', '.join(fits)}" if fits else f"is no item{nearest(name, known)}"
-            raise ValueError(f"{name!r} {several}")
-        chosen[fits[0]] = known[fits[0]]
+        name = name.removesuffix(".ipynb").removeprefix("notebooks/").rstrip("/")
+        whole = [id_ for id_ in known if id_.startswith(name + "/")]
+        fits = whole or [id_ for id_ in known if id_ == name] or [id_ for id_ in known if id_.startswith(name + "_")]
+        if not fits:
+            raise ValueError(f"{name!r} is no item{_nearest(name, known)}")
+        if len(fits) > 1 and not whole:
+            raise ValueError(f"{name!r} stands for {', '.join(fits)}")
+        chosen |= {id_: known[id_] for id_ in fits}
     return chosen or known
+
+
+def _nearest(name, known):
+    """Return a sentence that suggests items; a short form counts, such as eskander/fig02, fig02 or fig2."""
+    alike = {}
+    for id_ in known:
+        short = id_.split("_")[0]
+        forms = {id_, short, re.sub(r"(?<=[a-z])0", "", short)}
+        forms |= {form.split("/")[-1] for form in forms}
+        alike[id_] = max(difflib.SequenceMatcher(None, name, form).ratio() for form in forms)
+    best = sorted((id_ for id_ in alike if alike[id_] >= 0.6), key=lambda id_: -alike[id_])[:3]
+    best = [id_ for id_ in best if alike[id_] == 1] or best
+    return f". Did you mean {' or '.join(best)}?" if best else ""
 
 
 def run(chosen, *, jobs, stage, publish=True, mirror=False, parameters=None, seed=None, fork=True, report=lambda *_: None):

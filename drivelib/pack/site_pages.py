@@ -8,7 +8,7 @@ from pathlib import Path
 from drivelib import ledger, notebook, paths
 from drivelib.pack import architecture, report, site_notebooks
 from drivelib.pack.site_text import api_page, page, relinked
-from drivelib.record import describe
+from drivelib.verdict_table import describe
 
 VERDICTS = (*ledger.VERDICTS, report.OPEN)
 SHOWN = ("eskander/fig08_minimum_loss", "zidani/fig10_speed", "beyond/your_motor")  # on the start page: one of each

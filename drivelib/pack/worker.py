@@ -36,7 +36,8 @@ def execute(job, sender):
         engine.execute(job, forked)
         failure = None
     except PapermillExecutionError as error:
-        failure = f"cell {error.exec_count} raised {error.ename}: {error.evalue}"
+        injected = bool(job.parameters)  # by papermill, as a cell that no committed notebook has
+        failure = f"cell {error.exec_count - injected} raised {error.ename}: {error.evalue}"
     except BaseException as error:  # noqa: BLE001 - whatever it is, the runner must hear of it
         failure = f"{type(error).__name__}: {str(error).strip() or 'no message'}"
     tokens.sweep(job.token, psutil.Process())
