@@ -4,14 +4,13 @@ The files ``papers/<paper>.toml`` hold assumptions, items (one notebook each) an
 numbers to `judge`; it never sees the expected verdict, which only the tests read.
 """
 
-import math
 import tomllib
 from dataclasses import dataclass
-from decimal import Decimal
 from functools import cache
 from pathlib import Path
 
 from drivelib import paths
+from drivelib.claims import Claim, claim_from, half_last_digit, known_only
 from drivelib.validation import choice, nearest, number
 
 DEFAULT = "default"  # the case that a notebook assumes, among its alternatives
@@ -27,57 +26,6 @@ CONTRADICTED = "contradicted"
 SHOWN = "shown"
 NOT_CHECKABLE = "not checkable"
 VERDICTS = (REPRODUCED, CORRECTED, ASSUMED, FITTED, NOT_REPRODUCED, CONTRADICTED, SHOWN, NOT_CHECKABLE)
-
-RELATIONS = {
-    "matches": "within the tolerance of the printed value",
-    "<=": "at most the threshold",
-    ">=": "at least the threshold",
-    "==": "exactly the threshold",
-    "between": "inside the two thresholds",
-}
-
-
-@dataclass(frozen=True)
-class Claim:
-    """One claim of a paper. ``relation`` and its numbers say when it holds; ``reason`` says why those numbers.
-
-    ``printed`` stays a string, because its last digit sets the tolerance. ``refuted_by`` names the paper's
-    own equation that contradicts the claim, should it fail. ``omitted`` lists what the paper would have had to
-    print; such a claim is not checkable.
-    """
-
-    id: str
-    item: str
-    where: str
-    text: str
-    relation: str | None = None
-    unit: str = ""
-    measure: str = ""
-    printed: str | None = None
-    threshold: float | tuple[float, float] | None = None
-    tolerance: float | None = None
-    reason: str = ""
-    structure: bool = False
-    refuted_by: str | None = None
-    omitted: tuple[str, ...] = ()
-    functions: tuple[str, ...] = ()
-
-    @property
-    def allowed(self):
-        """The (low, high) interval inside which the claim holds."""
-        if self.relation == "matches":
-            value = float(self.printed)
-            return value - self.tolerance, value + self.tolerance
-        if self.relation == "between":
-            return self.threshold
-        low = -math.inf if self.relation == "<=" else self.threshold
-        high = math.inf if self.relation == ">=" else self.threshold
-        return low, high
-
-    def holds(self, value):
-        """Return whether a measured value meets the claim; NaN never does."""
-        low, high = self.allowed
-        return bool(low <= value <= high)
 
 
 @dataclass(frozen=True)
@@ -217,7 +165,7 @@ def load(path):
     paper = path.stem
     items, claims, expected = {}, {}, {}
     for stem, entry in raw.get("items", {}).items():
-        _known(entry, ("title", "equations", "needs", "tolerance", "topic"), f"{path.name}, item {stem}")
+        known_only(entry, ("title", "equations", "needs", "tolerance", "topic"), f"{path.name}, item {stem}")
         if not entry.get("title"):
             raise ValueError(f"{path.name}, item {stem}: 'title' is missing")
         tolerance = number(f"{path.name}, item {stem}: tolerance", entry.get("tolerance", TOLERANCE), at_least=0, at_most=0.01)
@@ -225,7 +173,7 @@ def load(path):
             f"{paper}/{stem}", entry["title"], entry.get("equations", ""), tuple(entry.get("needs", ())), tolerance, entry.get("topic", Item.topic)
         )  # fmt: skip
     for entry in raw.get("claims", []):
-        claim = _claim(entry, f"{path.name}, claim {entry.get('id', '(no id)')}", paper, items)
+        claim = claim_from(entry, f"{path.name}, claim {entry.get('id', '(no id)')}", paper, items)
         if claim.id in claims:
             raise ValueError(f"{path.name}: claim {claim.id} is listed twice")
         claims[claim.id] = claim
@@ -250,56 +198,3 @@ def claims_of(item_id):
     if item_id not in items:
         raise ValueError(f"{item_id!r} is no item of any paper's ledger{nearest(item_id, items)}")
     return {claim.id: claim for claim in items[item_id].claims.values() if claim.item == item_id}
-
-
-def _claim(entry, where, paper, items):
-    known = ("id", "item", "where", "text", "relation", "unit", "measure", "printed", "threshold", "tolerance", "reason")
-    _known(entry, (*known, "structure", "refuted_by", "omitted", "functions", "expected_verdict", "expected_reason"), where)
-    for required in ("id", "item", "where", "text"):
-        if not entry.get(required):
-            raise ValueError(f"{where}: {required!r} is missing")
-    values = {key: value for key, value in entry.items() if not key.startswith("expected_")}
-    values["id"], values["item"] = f"{paper}/{entry['id']}", f"{paper}/{entry['item']}"
-    if values["item"] not in items:
-        raise ValueError(f"{where}: item {entry['item']!r} is not listed{nearest(values['item'], items)}")
-    for key in ("omitted", "functions"):
-        values[key] = tuple(entry.get(key, ()))
-    if isinstance(entry.get("threshold"), list):
-        values["threshold"] = tuple(entry["threshold"])
-    relation = entry.get("relation")
-    if relation is None:
-        return Claim(**values)
-    choice(f"{where}: relation", relation, tuple(RELATIONS))
-    if relation != "matches" and "printed" in entry:
-        raise ValueError(f"{where}: 'printed' goes with relation 'matches', not with {relation!r}")
-    if relation == "matches":
-        if not isinstance(entry.get("printed"), str):
-            raise ValueError(f"{where}: relation 'matches' needs the printed value, as a string")
-        if "tolerance" not in entry:
-            values["tolerance"] = half_last_digit(entry["printed"])
-            values["reason"] = values.get("reason") or "half a unit of the last printed digit"
-    elif "threshold" not in entry or (relation == "between") != isinstance(values["threshold"], tuple):
-        raise ValueError(f"{where}: relation {relation!r} needs {'two thresholds' if relation == 'between' else 'one threshold'}")
-    for key in {"threshold", "tolerance"} & values.keys():
-        for value in values[key] if isinstance(values[key], tuple) else (values[key],):
-            number(f"{where}: {key}", value)
-    if not values.get("reason"):
-        raise ValueError(f"{where}: a threshold or a tolerance of its own needs a reason")
-    return Claim(**values)
-
-
-def half_last_digit(printed):
-    """Return half a unit of the last digit of a printed number: 0.05 for "118.9".
-
-    Examples
-    --------
-    >>> half_last_digit("118.9"), half_last_digit("0.5265"), half_last_digit("12")
-    (0.05, 5e-05, 0.5)
-    """
-    return float(Decimal(5).scaleb(Decimal(printed).as_tuple().exponent - 1))
-
-
-def _known(entry, known, where):
-    for key in entry:
-        if key not in known:
-            raise ValueError(f"{where}: unknown field {key!r}{nearest(key, known)}")

@@ -48,7 +48,7 @@ LAYERS = (
     Layer(
         "Evidence",
         "What each paper claims, the one rule that turns numbers into verdicts, and proofs of the equations in SymPy.",
-        ("ledger", "symbolic", "derivations", "derivations_zidani", "derivations_rest", "units", "errata", "errata_rows"),
+        ("claims", "ledger", "symbolic", "derivations", "derivations_zidani", "derivations_rest", "units", "errata", "errata_rows"),
     ),
     Layer(
         "Face",
