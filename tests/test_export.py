@@ -3,11 +3,15 @@
 import csv
 import functools
 import itertools
+import json
+import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from drivelib import dfim_map, dfim_optimum, export, fixed_point, loss_map, pmsm, pmsm_optimum
+from conftest import REPOSITORY
+from drivelib import dfim_map, dfim_optimum, export, fixed_point, loss_map, notebook, paths, pmsm, pmsm_optimum
 from drivelib.dfim_machines import DFIM_4KW
 from drivelib.machines import IPMSM, IPMSM_2200W, SPMSM
 from drivelib.neural import Network, Range
@@ -500,6 +504,36 @@ def test_files_are_written_whole_and_named_after_the_machine(some_map, tmp_path)
     made = export.files(some_map, harsh(0))
     assert set(made) == {"ipmsm_2_2_kw.h", "ipmsm_2_2_kw.csv", "ipmsm_2_2_kw.onnx"}
     assert {path.name: path.read_bytes() for path in export.write(tmp_path / "new", made)} == made
+
+
+def example(**changes):
+    """Return a reader's record of your_motor: the published parameters, some of them changed."""
+    published = json.loads((REPOSITORY / "figures/beyond/your_motor.json").read_text())["parameters"]
+    return SimpleNamespace(item="beyond/your_motor", published=False, parameters={**published, **changes})
+
+
+def test_other_numbers_never_go_under_the_examples_name():
+    assert export.own_name(example()) == "IPMSM 2.2 kW"
+    for changes in ({"R_s": 2.0}, {"I_max": 12.0}, {"torque_range": [0.2, 1.0]}):
+        assert export.own_name(example(**changes)) == "IPMSM 2.2 kW, changed"
+    assert export.own_name(example(name="mine", R_s=2.0), ["IPMSM 900 W"]) == "mine"
+    with pytest.raises(ValueError, match="a name of its own"):
+        export.own_name(example(name="ipmsm 900 W"), ["IPMSM 900 W"])
+
+
+def test_a_readers_files_lie_beside_his_run_and_published_ones_in_build(tmp_path, monkeypatch):
+    monkeypatch.setenv("DRIVELIB_ROOT", str(tmp_path / "pack"))
+    for published, folder in ((False, tmp_path / "run" / "exports"), (True, tmp_path / "pack" / "build" / "exports")):
+        export.keep(SimpleNamespace(published=published, folder=tmp_path / "run"), {"motor.h": b"x"})
+        assert (folder / "motor.h").read_bytes() == b"x"
+
+
+@pytest.mark.parametrize("stem", ["your_motor", "your_dfim"])
+def test_a_notebook_exports_after_everything_else(stem):
+    """So that a run that fails leaves no firmware behind: nothing is written before finish, and nothing follows."""
+    cells = ["".join(cell["source"]) for cell in notebook.read(paths.notebook(f"beyond/{stem}"))["cells"] if cell["cell_type"] == "code"]
+    assert [line for line in cells[-1].splitlines()] == ["item.finish()", "export.keep(item, made);"]
+    assert not any(re.search(r"export\.(keep|write)\(|write_(bytes|text)\(", cell) for cell in cells[:-1])
 
 
 @pytest.mark.parametrize(("name", "wanted"), [("IPMSM 2.2 kW", "ipmsm_2_2_kw"), ("900 W", "motor_900_w"), ("Größe */", "gr_e")])
