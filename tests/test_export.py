@@ -342,6 +342,39 @@ def test_compiled_formula_makes_the_torque_at_the_least_loss_inside_the_limits(p
 
 
 @needs_gcc
+def test_compiled_formula_holds_for_either_sign_and_beyond_the_range(pmsm_motor, tmp_path):
+    """Torque as asked, least loss of braking and reverse inside the limits, against the optimum in double precision; no torque too."""
+    found, network = pmsm_motor
+    m, allowed, x = found.machine, 64 * UNIT, outside_points(network)
+    out = compiled(tmp_path, pmsm_motor).floats(x)
+    best, tighter, wider = (
+        pmsm_optimum.optimum(m, m.P * x[:, 0], x[:, 1], V_max=found.V_max * scale, I_max=found.I_max * scale) for scale in (1, 1 - 1e-3, 1 + 1e-3)
+    )
+    answered = out["flag"] < 2
+    assert np.all(answered[tighter.feasible]) and not np.any(answered[~wider.feasible])
+    clear = answered & tighter.feasible
+    assert np.sum(clear & (x[:, 1] < 0)) > 300 and np.sum(clear & (x[:, 0] < 0)) > 300 and np.sum(clear & (x[:, 1] == 0)) > 3
+    assert np.all(np.abs(made_torque(m, x[:, 0], out["optimum"]) - x[:, 1])[clear] <= allowed * m.T_rated)
+    branch = pmsm.branch_currents(m, m.P * x[:, 0], *out["optimum"].T)
+    loss = pmsm.total_loss(m, m.P * x[:, 0], *branch)
+    slack = allowed * (best.loss + 1e3 * np.maximum(tighter.loss - wider.loss, 0) + 1.5 * m.R_s * found.I_max**2)
+    assert np.all(np.abs(loss - best.loss)[clear] <= slack[clear])
+
+
+@needs_gcc
+def test_the_dfims_closed_form_is_the_same_forwards_and_in_reverse(tmp_path):
+    """Turning both signs changes neither references nor status, and turns the stator frequency."""
+    found, network = motor = made(DFIM_4KW)
+    x = outside_points(network)
+    exported = compiled(tmp_path, motor)
+    there, back = exported.floats(x), exported.floats(-x)
+    assert np.array_equal(there["flag"], back["flag"]) and np.array_equal(there["optimum"], back["optimum"])
+    drive = Exported(tmp_path, export.c_name(found.machine.name), export.c_header(*motor), main=DFIM_MAIN)
+    turning = np.column_stack([x[:, 1], x[:, 0] / 100, np.ones(len(x))])
+    assert np.array_equal(drive.references(turning)[:, 3], -drive.references(turning * [-1, -1, 1])[:, 3])
+
+
+@needs_gcc
 def test_compiled_torque_limit_is_reachable_and_close(motor, tmp_path):
     """At every table node the limit is the map's own; between them no more than a step's chord away."""
     found, network = motor
