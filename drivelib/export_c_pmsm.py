@@ -146,9 +146,9 @@ COMMENT = (
     " * Range of the network: OMEGA_LOW <= omega_m <= OMEGA_HIGH, TORQUE_LOW <= torque <= TORQUE_HIGH, motoring forwards.",
     " * Less torque, none, braking, reverse and standstill (status EXTENDED): the d current of the nearest point inside",
     " * stays, the q current follows the torque, so that torque and its sign are as asked (no torque: only what feeds the",
-    " * iron loss). Voltage and current are then at most those of the point inside; the loss is the least one where no",
-    " * limit acts and the torque is not below TORQUE_LOW, else a little more. Beyond OMEGA_HIGH or TORQUE_HIGH (status",
-    " * HELD) the answer is that of the end: not what was asked, and beyond OMEGA_HIGH the voltage will not do.",
+    " * iron loss). Voltage and current are then at most those of the point inside. Braking, the loss is the least one where",
+    " * no limit acts; where one does, less field weakening would do, and @optimum loses less. Beyond OMEGA_HIGH or",
+    " * TORQUE_HIGH (status HELD) the answer is that of the end: not what was asked, and the voltage may not do.",
 )
 OPTIMUM = "the exact optimum, every limit included, in float"
 

@@ -130,6 +130,20 @@ def percent_above(excess, least):
     return 100 * excess / np.where(least > 0, least, np.nan)
 
 
+def mirrored_excess(found):
+    """Return what a mirrored point loses above the least loss of braking (%), at the speeds and minus the torques of a `LossMap`.
+
+    Mirrored: the branch d current of motoring with minus its q current. Zero where no limit acts (`pmsm_optimum`: only c q
+    is odd); where one does, braking needs less field weakening than motoring. NaN out of reach.
+    """
+    machine, best = found.machine, found.best
+    omega_e = machine.P * found.omega_m[:, None]
+    braking = pmsm_optimum.optimum(machine, omega_e, -found.T_e, V_max=found.V_max, I_max=found.I_max)
+    i_od, i_oq = np.nan_to_num(best.i_od), np.nan_to_num(best.i_oq)
+    loss = pmsm.total_loss(machine, omega_e, i_od, -i_oq)
+    return percent_above(np.where(best.feasible, loss - braking.loss, np.nan), braking.loss)
+
+
 def torque_limit(found, omega_m, headroom):
     """Return the torque (N m) up to which the network answers: ``headroom`` of the largest one, at most the map's end.
 

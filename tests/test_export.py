@@ -3,11 +3,15 @@
 import csv
 import functools
 import itertools
+import json
+import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from drivelib import dfim_map, dfim_optimum, export, fixed_point, loss_map, pmsm, pmsm_optimum
+from conftest import REPOSITORY
+from drivelib import dfim_map, dfim_optimum, export, fixed_point, loss_map, notebook, paths, pmsm, pmsm_optimum
 from drivelib.dfim_machines import DFIM_4KW
 from drivelib.machines import IPMSM, IPMSM_2200W, SPMSM
 from drivelib.neural import Network, Range
@@ -338,6 +342,39 @@ def test_compiled_formula_makes_the_torque_at_the_least_loss_inside_the_limits(p
 
 
 @needs_gcc
+def test_compiled_formula_holds_for_either_sign_and_beyond_the_range(pmsm_motor, tmp_path):
+    """Torque as asked, least loss of braking and reverse inside the limits, against the optimum in double precision; no torque too."""
+    found, network = pmsm_motor
+    m, allowed, x = found.machine, 64 * UNIT, outside_points(network)
+    out = compiled(tmp_path, pmsm_motor).floats(x)
+    best, tighter, wider = (
+        pmsm_optimum.optimum(m, m.P * x[:, 0], x[:, 1], V_max=found.V_max * scale, I_max=found.I_max * scale) for scale in (1, 1 - 1e-3, 1 + 1e-3)
+    )
+    answered = out["flag"] < 2
+    assert np.all(answered[tighter.feasible]) and not np.any(answered[~wider.feasible])
+    clear = answered & tighter.feasible
+    assert np.sum(clear & (x[:, 1] < 0)) > 300 and np.sum(clear & (x[:, 0] < 0)) > 300 and np.sum(clear & (x[:, 1] == 0)) > 3
+    assert np.all(np.abs(made_torque(m, x[:, 0], out["optimum"]) - x[:, 1])[clear] <= allowed * m.T_rated)
+    branch = pmsm.branch_currents(m, m.P * x[:, 0], *out["optimum"].T)
+    loss = pmsm.total_loss(m, m.P * x[:, 0], *branch)
+    slack = allowed * (best.loss + 1e3 * np.maximum(tighter.loss - wider.loss, 0) + 1.5 * m.R_s * found.I_max**2)
+    assert np.all(np.abs(loss - best.loss)[clear] <= slack[clear])
+
+
+@needs_gcc
+def test_the_dfims_closed_form_is_the_same_forwards_and_in_reverse(tmp_path):
+    """Turning both signs changes neither references nor status, and turns the stator frequency."""
+    found, network = motor = made(DFIM_4KW)
+    x = outside_points(network)
+    exported = compiled(tmp_path, motor)
+    there, back = exported.floats(x), exported.floats(-x)
+    assert np.array_equal(there["flag"], back["flag"]) and np.array_equal(there["optimum"], back["optimum"])
+    drive = Exported(tmp_path, export.c_name(found.machine.name), export.c_header(*motor), main=DFIM_MAIN)
+    turning = np.column_stack([x[:, 1], x[:, 0] / 100, np.ones(len(x))])
+    assert np.array_equal(drive.references(turning)[:, 3], -drive.references(turning * [-1, -1, 1])[:, 3])
+
+
+@needs_gcc
 def test_compiled_torque_limit_is_reachable_and_close(motor, tmp_path):
     """At every table node the limit is the map's own; between them no more than a step's chord away."""
     found, network = motor
@@ -500,6 +537,36 @@ def test_files_are_written_whole_and_named_after_the_machine(some_map, tmp_path)
     made = export.files(some_map, harsh(0))
     assert set(made) == {"ipmsm_2_2_kw.h", "ipmsm_2_2_kw.csv", "ipmsm_2_2_kw.onnx"}
     assert {path.name: path.read_bytes() for path in export.write(tmp_path / "new", made)} == made
+
+
+def example(**changes):
+    """Return a reader's record of your_motor: the published parameters, some of them changed."""
+    published = json.loads((REPOSITORY / "figures/beyond/your_motor.json").read_text())["parameters"]
+    return SimpleNamespace(item="beyond/your_motor", published=False, parameters={**published, **changes})
+
+
+def test_other_numbers_never_go_under_the_examples_name():
+    assert export.own_name(example()) == "IPMSM 2.2 kW"
+    for changes in ({"R_s": 2.0}, {"I_max": 12.0}, {"torque_range": [0.2, 1.0]}):
+        assert export.own_name(example(**changes)) == "IPMSM 2.2 kW, changed"
+    assert export.own_name(example(name="mine", R_s=2.0), ["IPMSM 900 W"]) == "mine"
+    with pytest.raises(ValueError, match="a name of its own"):
+        export.own_name(example(name="ipmsm 900 W"), ["IPMSM 900 W"])
+
+
+def test_a_readers_files_lie_beside_his_run_and_published_ones_in_build(tmp_path, monkeypatch):
+    monkeypatch.setenv("DRIVELIB_ROOT", str(tmp_path / "pack"))
+    for published, folder in ((False, tmp_path / "run" / "exports"), (True, tmp_path / "pack" / "build" / "exports")):
+        export.keep(SimpleNamespace(published=published, folder=tmp_path / "run"), {"motor.h": b"x"})
+        assert (folder / "motor.h").read_bytes() == b"x"
+
+
+@pytest.mark.parametrize("stem", ["your_motor", "your_dfim"])
+def test_a_notebook_exports_after_everything_else(stem):
+    """So that a run that fails leaves no firmware behind: nothing is written before finish, and nothing follows."""
+    cells = ["".join(cell["source"]) for cell in notebook.read(paths.notebook(f"beyond/{stem}"))["cells"] if cell["cell_type"] == "code"]
+    assert [line for line in cells[-1].splitlines()] == ["item.finish()", "export.keep(item, made);"]
+    assert not any(re.search(r"export\.(keep|write)\(|write_(bytes|text)\(", cell) for cell in cells[:-1])
 
 
 @pytest.mark.parametrize(("name", "wanted"), [("IPMSM 2.2 kW", "ipmsm_2_2_kw"), ("900 W", "motor_900_w"), ("Größe */", "gr_e")])

@@ -47,6 +47,42 @@ def test_a_speed_out_of_reach_is_nan_and_left_out_of_training():
     assert np.all(data.x[:, 1] <= limit * (1 + 1e-9)) and np.isclose(np.max(data.x[:, 1] / limit), 1)
 
 
+@pytest.mark.parametrize(("machine", "I_max"), [(IPMSM, 5.0), (SPMSM, 8.0), (IPMSM_2200W, 9.12)], ids=lambda value: getattr(value, "name", ""))
+def test_the_torque_at_rated_speed_is_the_largest_of_all_allowed_currents(machine, I_max):
+    """Brute force over the disk of terminal currents; its steps leave half a per cent."""
+    V_max = pmsm.voltage_limit(machine)
+    speed, torque = np.linspace(0.1, 1.2, 5) * machine.omega_m_rated, np.linspace(0.1, 1, 4) * machine.T_rated
+    found = loss_map.loss_map(machine, speed, torque, V_max=V_max, I_max=I_max)
+    size, angle = np.meshgrid(np.linspace(0, I_max, 200), np.linspace(0, 2 * np.pi, 3000))
+    omega_e = machine.omega_e_rated
+    branch = pmsm.branch_currents(machine, omega_e, size * np.cos(angle), size * np.sin(angle))
+    allowed = pmsm.stator_voltage(machine, omega_e, *branch) <= V_max
+    largest = np.max(pmsm.torque(machine, *branch)[allowed])
+    assert 0.995 * loss_map.rated_torque(found) <= largest <= loss_map.rated_torque(found) * (1 + 1e-9)
+
+
+def test_the_share_above_least_leaves_out_what_loses_nothing():
+    assert np.array_equal(loss_map.percent_above([1.0, 0.0, 0.0], [4.0, 4.0, 0.0]), [25.0, 0.0, np.nan], equal_nan=True)
+    with_none = loss_map.loss_map(IPMSM, [0.0, 100.0], [0.0, 2.0], V_max=144.0, I_max=5.0)
+    assert with_none.best.loss[0, 0] == 0
+    shares = loss_map.percent_above(loss_map.network_error(with_none, lambda x: 0.1 + 0 * x).excess, with_none.best.loss)
+    assert np.isnan(shares[0, 0]) and not np.any(np.isinf(shares))
+
+
+def test_what_mirroring_gives_away_is_found_by_brute_force(found):
+    """Loss over the whole branch of currents that brake inside the limits, against the motoring point mirrored."""
+    excess = loss_map.mirrored_excess(found)
+    assert np.nanmax(excess) > 0.5 and np.array_equal(np.isnan(excess), ~found.best.feasible)
+    assert np.nanmax(np.abs(excess[~found.best.limited])) < 1e-6
+    for row, column in np.argwhere(found.best.feasible):
+        omega_e, T_e = IPMSM.P * SPEED[row], TORQUE[column]
+        points = at_torque(IPMSM, omega_e, -T_e, motor_branch(IPMSM, T_e, 20_001), "full")
+        least = np.min(points.loss[(abs(points.u) <= 144.0) & (abs(points.i) <= 5.0)])
+        mirrored = at_torque(IPMSM, omega_e, -T_e, found.best.i_od[row, column], "full")
+        assert abs(mirrored.u) <= 144.0 * (1 + 1e-9) and abs(mirrored.i) <= 5.0 * (1 + 1e-9)
+        assert abs(100 * (mirrored.loss / least - 1) - excess[row, column]) < 0.05  # the grid misses the least a little
+
+
 def test_headroom_keeps_off_the_border_but_not_off_the_rated_torque(found):
     limit = loss_map.torque_limit(found, SPEED, 0.9)
     full = loss_map.largest_torque(IPMSM, SPEED, TORQUE[0], 100.0, V_max=144.0, I_max=5.0)
@@ -86,6 +122,8 @@ def test_a_network_that_does_not_get_there_is_not_handed_out(found):
         (lambda: loss_map.loss_map(IPMSM, [5, 10], [1, np.nan], V_max=100, I_max=5), "T_e = nan"),
         (lambda: loss_map.loss_map(IPMSM, [5, 10], [1, 2], V_max=0, I_max=5), "V_max = 0"),
         (lambda: loss_map.loss_map(IPMSM, [5, 10], [1, 2], V_max=100, I_max=-5), "I_max = -5"),
+        (lambda: loss_map.rated_torque(loss_map.loss_map(IPMSM_2200W, [10, 20], [1, 2], V_max=34.6, I_max=9.12)), r"rated speed \(157.1 rad/s\) no current .* check V_dc"),
+        (lambda: loss_map.rated_torque(loss_map.loss_map(IPMSM_2200W, [10, 20], [1, 2], V_max=312, I_max=5), needed=20.0), "at most, not the 20 N m"),
         (lambda: IPMSM_2200W.changed(R_s=-1.0), "R_s = -1.0 ohm"),
         (lambda: IPMSM_2200W.changed(L_q=0.0), "L_q = 0.0 H"),
         (lambda: IPMSM_2200W.changed(P=2.5), "P = 2.5"),

@@ -96,3 +96,12 @@ def test_equality_is_of_values():
     """Two machines are equal when all values are, wherever these come from."""
     assert PmsmParameters(**USER) == PmsmParameters(**USER, origins={"R_c": Origin("printed")})
     assert PmsmParameters(**USER) != PmsmParameters(**{**USER, "R_c": 501.0})
+
+
+def test_a_readers_machine_owes_nothing_to_the_example():
+    """What agrees by chance is the reader's too; the example unchanged keeps its sources; what was not named stays."""
+    values = {name: getattr(IPMSM, name) for name in ("R_s", "L_d", "P")}
+    same, own = IPMSM.own(name="a copy", **values), IPMSM.own(name="mine", **{**values, "R_s": 2.0})
+    assert same.origins == IPMSM.origins and same.name == "a copy"
+    assert {own.origins[name].kind for name in values} == {"given"} and own.origins["J"] == IPMSM.origins["J"]
+    assert (own.R_s, own.L_d) == (2.0, IPMSM.L_d)

@@ -183,6 +183,17 @@ def test_an_error_names_the_same_cell_with_and_without_parameters(reproduced):
         assert "cell 2 wrote to stderr" in reproduced.run(*command).stdout
 
 
+def test_what_a_run_exports_comes_along_and_only_when_it_passed(reproduced, tmp_path):
+    """Whatever lies in the run's folder of exports; a run that fails leaves nothing where it was to write."""
+    work = "export = item.folder / record.EXPORTS / 'motor.h'\nexport.parent.mkdir(parents=True, exist_ok=True)\nexport.write_text('x')\n1 / (slope - 4)"
+    reproduced.write("fig01_line", "mini/slope", work=work)
+    for slope, wanted in ((3, ["exports/motor.h"]), (4, [])):
+        target = tmp_path / str(slope)
+        done = reproduced.run("run", "mini/fig01", "-p", f"slope={slope}", "--out", target)
+        assert done.returncode == (0 if wanted else 1), done.stdout + done.stderr
+        assert [path.relative_to(target).as_posix() for path in target.rglob("*.h")] == wanted
+
+
 def test_a_users_start_up_file_and_kernelspec_do_not_reach_the_kernel(reproduced, tmp_path):
     home = tmp_path / "home"
     startup = home / ".ipython" / "profile_default" / "startup"
