@@ -83,7 +83,7 @@ class Record:
     def machine(self, machine, without=()):
         """Note a machine set and show its values with unit and origin, but those named in ``without``."""
         self.machines.append(machine.name)
-        rows = ["| value | | unit | origin | note |", "|---|---:|---|---|---|"]
+        rows = ["| | value | unit | origin | note |", "|---|---:|---|---|---|"]
         rows += [f"| {name} | {value:.6g} | {unit} | {kind} | {note} |" for name, value, unit, kind, note in machine.rows() if name not in without]
         _say(f"**{machine.name}**\n\n" + "\n".join(rows))
 
