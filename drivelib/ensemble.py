@@ -67,7 +67,8 @@ def stream(
     executor : concurrent.futures.Executor, or a function that makes one, optional
         Default: a thread per core, right for functions that spend their time in the compiled drive loops. A function
         that makes one (``lambda: ProcessPoolExecutor(2)``) lets the run survive a worker that dies; a Dask
-        cluster's ``client.get_executor()`` replaces its workers itself.
+        cluster's ``client.get_executor(pure=False)`` replaces its workers itself. (Pure, as is Dask's default, a shard asked for again
+        right after a run was given up has the same name as the one being cancelled, and is cancelled with it.)
     shard_size : int
         Draws per shard: the unit of work, of storage and of repetition.
     folder : path, optional

@@ -248,8 +248,8 @@ from drivelib.ensemble import evaluate
 if __name__ == "__main__":
     options = {"seed": 3, "batched": True, "shard_size": 40}
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
-        there = evaluate(200, t.drives, dfim_many.COLUMNS, executor=client.get_executor(), **options)
-        healed = evaluate(range(40), t.partial(t.dies_once, sys.argv[2]), t.COLUMNS, executor=client.get_executor(), shard_size=5)
+        there = evaluate(200, t.drives, dfim_many.COLUMNS, executor=client.get_executor(pure=False), **options)
+        healed = evaluate(range(40), t.partial(t.dies_once, sys.argv[2]), t.COLUMNS, executor=client.get_executor(pure=False), shard_size=5)
     assert healed["second"].tolist() == [2.0 * k for k in range(40)]
     assert there.tobytes() == evaluate(200, t.drives, dfim_many.COLUMNS, **options).tobytes()
     print("equal")

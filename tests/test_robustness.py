@@ -143,7 +143,7 @@ from drivelib.robustness import run
 if __name__ == "__main__":
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
         for study, draws in ((t.STUDIES[0], 24), (t.DFIM, 12)):
-            there = run(study, draws, 6, executor=client.get_executor(), shard_size=5)
+            there = run(study, draws, 6, executor=client.get_executor(pure=False), shard_size=5)
             assert there.tobytes() == run(study, draws, 6, executor=t.ONE, shard_size=7).tobytes(), study.name
     print("equal")
 """

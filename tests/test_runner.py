@@ -3,6 +3,7 @@
 import json
 import signal
 import subprocess
+from functools import partial
 
 import pytest
 
@@ -116,7 +117,9 @@ def test_a_cell_over_its_limit_is_stopped_with_all_that_it_started(reproduced):
 def test_stopping_the_runner_leaves_no_process_and_no_half_written_file(reproduced, how):
     reproduced.write_cells("fig01_line", ["slope = 2.0", "import time\ntime.sleep(600)"])
     before = reproduced.files()
-    with subprocess.Popen(reproduced.command("reproduce"), env=reproduced.environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+    options = {"env": reproduced.environment(), "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    heard = partial(signal.signal, how, signal.SIG_DFL)  # these tests may run under nohup, which is inherited
+    with subprocess.Popen(reproduced.command("reproduce"), preexec_fn=heard, **options) as process:
         reproduced.wait_for_kernel()
         process.send_signal(how)
         process.communicate(timeout=60)

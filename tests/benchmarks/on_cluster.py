@@ -52,13 +52,13 @@ def main():
             with Client(scheduler_file=str(address), timeout=60) as client:
                 client.wait_for_workers(options.workers + 1, timeout=60)
                 began = time.perf_counter()
-                for number, _ in enumerate(stream(options.drives, drives, dfim_many.COLUMNS, executor=client.get_executor(), folder=folder, **study)):
+                for number, _ in enumerate(stream(options.drives, drives, dfim_many.COLUMNS, executor=client.get_executor(pure=False), folder=folder, **study)):
                     if number == 1:
                         started[-1].send_signal(signal.SIGKILL)
                     if 2 * number * size >= options.drives:
                         break  # as if this process had been stopped half way
                 half = time.perf_counter() - began
-                there = evaluate(options.drives, drives, dfim_many.COLUMNS, executor=client.get_executor(), folder=folder, **study)
+                there = evaluate(options.drives, drives, dfim_many.COLUMNS, executor=client.get_executor(pure=False), folder=folder, **study)
                 whole = time.perf_counter() - began
         finally:
             for process in reversed(started):
