@@ -216,9 +216,7 @@ def _solved(JtJ, mu, Jte, U, step):
 
 @njit(**_options)
 def _descend(x, t, counts, xv, tv, cv, theta, n_hidden, logistic, goal, stop_at_goal, epochs):
-    """Move theta to where the training ends; samples in columns.
-
-    Return epochs, goal epoch, stop, first and last errors of both sets."""
+    """Move theta to where the training ends; return epochs, goal epoch, stop, first and last errors of both sets. Samples in columns."""
     size, n, nv, n_out = theta.size, x.shape[1], xv.shape[1], t.shape[0]
     wide = n_hidden * (x.shape[0] + 2) + 1
     hidden, errors = np.empty((n_hidden, n)), np.empty((n_out, n))
