@@ -112,8 +112,7 @@ def _errors(x, t, counts, theta, n_hidden, logistic, hidden, errors):
             z = theta[row + n_in]
             for i in range(n_in):
                 z += theta[row + i] * x[i, m]
-            # 1 − 2/(1 + exp 2z) is tanh z to 1e-16 of its range, in two thirds of its time.
-            h[m] = 1.0 / (1.0 + math.exp(-z)) if logistic else 1.0 - 2.0 / (1.0 + math.exp(2.0 * z))
+            h[m] = 1.0 / (1.0 + math.exp(-z)) if logistic else math.tanh(z)
     for k in range(t.shape[0]):
         row, e = first + k * (n_hidden + 1), errors[k]
         for m in range(n):
