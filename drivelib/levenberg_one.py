@@ -80,7 +80,7 @@ def fit(x, t, n_hidden, rng, *, activation="tanh", goal=0.0, stop_at_goal=True, 
     watched = (np.zeros((0, x.shape[1])), np.zeros((0, t.shape[1])), np.zeros(0)) if validation is None else validation
     parts = []
     for rows, wanted, each in ((x, t, np.ones(len(x)) if counts is None else counts), watched):
-        parts += [np.ascontiguousarray(inputs.to_unit(rows)), np.ascontiguousarray(targets.to_unit(wanted)), np.asarray(each, dtype=float)]
+        parts += [np.ascontiguousarray(inputs.to_unit(rows).T), np.ascontiguousarray(targets.to_unit(wanted).T), np.asarray(each, dtype=float)]
     done, met, stop, first, last, v_first, v_last = _descend(*parts, theta, n_hidden, activation == "logistic", goal, stop_at_goal, epochs)
     split = n_hidden * (x.shape[1] + 1)
     hidden, output = theta[:split].reshape(n_hidden, -1), theta[split:].reshape(t.shape[1], -1)
@@ -89,90 +89,140 @@ def fit(x, t, n_hidden, rng, *, activation="tanh", goal=0.0, stop_at_goal=True, 
     return Fit(network, int(done), int(met), STOPS[stop], rms, max(last / first, v_last / v_first if validation is not None else 0.0))
 
 
-@njit(**_options)
-def _errors(x, t, counts, theta, n_hidden, logistic, hidden, errors):
-    """Fill hidden values (n, n_hidden) and errors (n, n_out); return the sum of squares."""
-    n_in, n_out = x.shape[1], t.shape[1]
-    first = n_hidden * (n_in + 1)
+# The inner loops run over samples or over weights that lie side by side, so that the compiler takes several at once.
+
+
+@njit(**_options, fastmath={"reassoc"})
+def _dot(a, b):
+    """Return Σ a b in whatever order is fastest, the same for the same length and processor."""
     total = 0.0
-    for n in range(x.shape[0]):
-        for j in range(n_hidden):
-            row = j * (n_in + 1)
-            z = theta[row + n_in]
-            for i in range(n_in):
-                z += theta[row + i] * x[n, i]
-            hidden[n, j] = 1.0 / (1.0 + math.exp(-z)) if logistic else math.tanh(z)
-        for k in range(n_out):
-            row = first + k * (n_hidden + 1)
-            e = theta[row + n_hidden] - t[n, k]
-            for j in range(n_hidden):
-                e += theta[row + j] * hidden[n, j]
-            errors[n, k] = e
-            total += counts[n] * e * e
+    for m in range(a.size):
+        total += a[m] * b[m]
     return total
 
 
 @njit(**_options)
-def _normal(x, counts, theta, n_hidden, logistic, hidden, errors, JtJ, Jte, row):
-    """Fill the lower triangle of J^T J, and J^T e."""
-    n_in, n_out = x.shape[1], errors.shape[1]
-    first, width, size = n_hidden * (n_in + 1), n_hidden + 1, theta.size
-    JtJ[:, :] = 0.0
-    Jte[:] = 0.0
-    for n in range(x.shape[0]):
-        for k in range(n_out):
-            row[first:] = 0.0
-            for j in range(n_hidden):
-                h = hidden[n, j]
-                back = theta[first + k * width + j] * (h - h * h if logistic else 1.0 - h * h)
-                for i in range(n_in):
-                    row[j * (n_in + 1) + i] = back * x[n, i]
-                row[j * (n_in + 1) + n_in] = back
-                row[first + k * width + j] = h
-            row[first + k * width + n_hidden] = 1.0
-            for a in range(size):
-                scaled = counts[n] * row[a]
-                Jte[a] += scaled * errors[n, k]
-                for b in range(a + 1):
-                    JtJ[a, b] += scaled * row[b]
+def _errors(x, t, counts, theta, n_hidden, logistic, hidden, errors):
+    """Fill hidden values (n_hidden, n) and errors (n_out, n); return the sum of squares."""
+    n_in, n = x.shape
+    first, total = n_hidden * (n_in + 1), 0.0
+    for j in range(n_hidden):
+        row, h = j * (n_in + 1), hidden[j]
+        for m in range(n):
+            z = theta[row + n_in]
+            for i in range(n_in):
+                z += theta[row + i] * x[i, m]
+            h[m] = 1.0 / (1.0 + math.exp(-z)) if logistic else math.tanh(z)
+    for k in range(t.shape[0]):
+        row, e = first + k * (n_hidden + 1), errors[k]
+        for m in range(n):
+            e[m] = theta[row + n_hidden] - t[k, m]
+        for j in range(n_hidden):
+            for m in range(n):
+                e[m] += theta[row + j] * hidden[j, m]
+        for m in range(n):
+            total += counts[m] * e[m] * e[m]
+    return total
 
 
 @njit(**_options)
-def _solved(JtJ, mu, Jte, factor, step):
-    """Solve (J^T J + mu) step = J^T e by Cholesky; return whether the matrix was positive."""
+def _normal(x, counts, theta, n_hidden, logistic, hidden, errors, features, products, weighted, JtJ, Jte):
+    """Fill the upper triangle of J^T J, and J^T e.
+
+    With d_j the slope of hidden neuron j and V the output weights, the error of output k has derivatives V_kj d_j (x, 1) to the
+    weights of neuron j, and (h, 1) to those of the output. So every entry is output weights times one of the products of the
+    features d_j (x, 1) and (h, 1), summed over the samples; between the weights of two outputs there is none.
+    """
+    (n_in, n), n_out = x.shape, errors.shape[0]
+    first, wide = n_hidden * (n_in + 1), features.shape[0]
+    for j in range(n_hidden):
+        row, h, values = j * (n_in + 1), hidden[j], features[first + j]
+        slope = features[row + n_in]
+        for m in range(n):
+            values[m] = h[m]
+            slope[m] = h[m] - h[m] * h[m] if logistic else 1.0 - h[m] * h[m]
+        for i in range(n_in):
+            f = features[row + i]
+            for m in range(n):
+                f[m] = slope[m] * x[i, m]
+    features[-1] = 1.0
+    for a in range(wide):
+        f = features[a]
+        for m in range(n):
+            weighted[m] = counts[m] * f[m]
+        for b in range(a, wide):
+            products[a, b] = _dot(weighted, features[b])
+    JtJ[:, :] = 0.0
+    Jte[:] = 0.0
+    V, moments = np.empty(first), np.empty(wide)  # V of one output, repeated for each weight of a neuron
+    for k in range(n_out):
+        begin = first + k * (wide - first)
+        for j in range(n_hidden):
+            V[j * (n_in + 1) : (j + 1) * (n_in + 1)] = theta[begin + j]
+        for m in range(n):
+            weighted[m] = counts[m] * errors[k, m]
+        for a in range(wide):
+            moments[a] = _dot(weighted, features[a])
+        for a in range(first):
+            for b in range(a, first):
+                JtJ[a, b] += V[a] * V[b] * products[a, b]
+            for b in range(first, wide):
+                JtJ[a, begin + b - first] = V[a] * products[a, b]
+            Jte[a] += V[a] * moments[a]
+        for a in range(first, wide):
+            for b in range(a, wide):
+                JtJ[begin + a - first, begin + b - first] = products[a, b]
+            Jte[begin + a - first] = moments[a]
+
+
+@njit(**_options)
+def _solved(JtJ, mu, Jte, U, step):
+    """Solve (J^T J + mu) step = J^T e by Cholesky, U^T U, row by row; return whether the matrix was positive."""
     size = Jte.size
     for a in range(size):
-        for b in range(a + 1):
-            s = JtJ[a, b] + (mu if a == b else 0.0)
-            for c in range(b):
-                s -= factor[a, c] * factor[b, c]
-            if a == b:
-                if not s > 0.0:
-                    return False
-                factor[a, a] = math.sqrt(s)
-            else:
-                factor[a, b] = s / factor[b, b]
+        row, given = U[a, a:], JtJ[a, a:]
+        for b in range(row.size):
+            row[b] = given[b]
+        row[0] += mu
+        c = 0
+        while c + 4 <= a:  # four rows at once spare reading and writing this one three times
+            p, q, r, s = U[c, a:], U[c + 1, a:], U[c + 2, a:], U[c + 3, a:]
+            p0, q0, r0, s0 = p[0], q[0], r[0], s[0]
+            for b in range(row.size):
+                row[b] -= (p0 * p[b] + q0 * q[b]) + (r0 * r[b] + s0 * s[b])
+            c += 4
+        while c < a:
+            p = U[c, a:]
+            p0 = p[0]
+            for b in range(row.size):
+                row[b] -= p0 * p[b]
+            c += 1
+        if not row[0] > 0.0:
+            return False
+        scale = 1.0 / math.sqrt(row[0])
+        for b in range(row.size):
+            row[b] *= scale
+    step[:] = Jte
     for a in range(size):
-        s = Jte[a]
-        for c in range(a):
-            s -= factor[a, c] * step[c]
-        step[a] = s / factor[a, a]
+        step[a] /= U[a, a]
+        row, later = U[a, a + 1 :], step[a + 1 :]
+        for b in range(row.size):
+            later[b] -= step[a] * row[b]
     for a in range(size - 1, -1, -1):
-        s = step[a]
-        for c in range(a + 1, size):
-            s -= factor[c, a] * step[c]
-        step[a] = s / factor[a, a]
+        step[a] = (step[a] - _dot(U[a, a + 1 :], step[a + 1 :])) / U[a, a]
     return True
 
 
 @njit(**_options)
 def _descend(x, t, counts, xv, tv, cv, theta, n_hidden, logistic, goal, stop_at_goal, epochs):
-    """Move theta to where the training ends; return epochs, goal epoch, stop, first and last errors of both sets."""
-    size, n, nv = theta.size, x.shape[0], xv.shape[0]
-    hidden, errors = np.empty((n, n_hidden)), np.empty((n, t.shape[1]))
-    hidden_v, errors_v = np.empty((nv, n_hidden)), np.empty((nv, t.shape[1]))
+    """Move theta to where the training ends; return epochs, goal epoch, stop, first and last errors of both sets. Samples in columns."""
+    size, n, nv, n_out = theta.size, x.shape[1], xv.shape[1], t.shape[0]
+    wide = n_hidden * (x.shape[0] + 2) + 1
+    hidden, errors = np.empty((n_hidden, n)), np.empty((n_out, n))
+    hidden_v, errors_v = np.empty((n_hidden, nv)), np.empty((n_out, nv))
+    features, products, weighted = np.empty((wide, n)), np.empty((wide, wide)), np.empty(n)
     JtJ, factor = np.empty((size, size)), np.zeros((size, size))
-    Jte, step, row, trial, best = np.empty(size), np.zeros(size), np.empty(size), np.empty(size), theta.copy()
+    Jte, step, trial, best = np.empty(size), np.zeros(size), np.empty(size), theta.copy()
     mu, epoch, goal_epoch, fails, stop = MU, 0, -1, 0, -1
     sse = _errors(x, t, counts, theta, n_hidden, logistic, hidden, errors)
     first = best_sse = sse
@@ -180,7 +230,7 @@ def _descend(x, t, counts, xv, tv, cv, theta, n_hidden, logistic, goal, stop_at_
     arrived = True
     while stop < 0:
         if arrived:
-            _normal(x, counts, theta, n_hidden, logistic, hidden, errors, JtJ, Jte, row)
+            _normal(x, counts, theta, n_hidden, logistic, hidden, errors, features, products, weighted, JtJ, Jte)
             if sse <= goal and goal_epoch < 0:
                 goal_epoch = epoch
                 if stop_at_goal:
