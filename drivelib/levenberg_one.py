@@ -94,7 +94,7 @@ def fit(x, t, n_hidden, rng, *, activation="tanh", goal=0.0, stop_at_goal=True, 
 
 @njit(**_options, fastmath={"reassoc"})
 def _dot(a, b):
-    """Return Σ a b in whatever order is fastest, the same for the same length and processor."""
+    """Return Σ a b in the order that suits the vector unit: the one liberty of the compiler here, fixed by the pinned processor."""
     total = 0.0
     for m in range(a.size):
         total += a[m] * b[m]
