@@ -8,14 +8,14 @@ from typing import NamedTuple
 from numba import njit
 
 from drivelib import control, dfim_decoupling
+from drivelib.compiled import OPTIONS
 
 # Division by zero gives inf or NaN here, which the loops' bounds catch; a check at each would cost a branch.
-_options = {"cache": True, "nogil": True, "error_model": "numpy"}
-_compensation_terms = njit(**_options)(dfim_decoupling.compensation_terms)
-_clip_vector = njit(**_options)(control.clip_vector)
-_pi_output = njit(**_options)(control.pi_output)
-_pi_integral = njit(**_options)(control.pi_integral)
-_stator_frequency = njit(**_options)(control.stator_frequency)
+_compensation_terms = njit(**OPTIONS)(dfim_decoupling.compensation_terms)
+_clip_vector = njit(**OPTIONS)(control.clip_vector)
+_pi_output = njit(**OPTIONS)(control.pi_output)
+_pi_integral = njit(**OPTIONS)(control.pi_integral)
+_stator_frequency = njit(**OPTIONS)(control.stator_frequency)
 
 
 class DriveSettings(NamedTuple):
@@ -69,7 +69,7 @@ class Command(NamedTuple):
 
 
 # Inlined: the caller keeps only what it uses, and a loop over many drives can then be vectorised.
-@njit(**_options, inline="always")
+@njit(**OPTIONS, inline="always")
 def control_sample(i_sd, i_sq, i_rd, i_rq, hat_d, hat_q, omega_m, T_ref, u_sd, u_sq, u_rd, u_rq, s):
     """Return the Command of one sample: everything behind the speed controller.
 

@@ -9,13 +9,14 @@ import numpy as np
 from numba import njit
 
 from drivelib import metrics
+from drivelib.compiled import OPTIONS
 from drivelib.dfim import DfimCoefficients
 from drivelib.dfim_control import DriveSettings, control_sample
 from drivelib.dfim_plant import SMALL_ANGLE, small_cos_sin, turned_step
 from drivelib.speed_law import pi_command
 
 LANES = 64
-_interval_indices = njit(cache=True, nogil=True, error_model="numpy")(metrics.interval_indices)
+_interval_indices = njit(**OPTIONS)(metrics.interval_indices)
 
 # One flat array holds everything: element r of drive j at r * LANES + j. With constant distances the compiler sees
 # that no two of them overlap.
@@ -36,7 +37,7 @@ HIT_T, HIT_V_S, HIT_V_R, HIT_I_S, HIT_I_R, FAILED, TURNED = (PEAK + LANES * k fo
 L = LANES
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(**OPTIONS)
 def run_lanes(steps, a, changes, profiles):
     """Run 64 drives for ``steps`` control periods.
 
@@ -116,6 +117,6 @@ def run_lanes(steps, a, changes, profiles):
             a[FAILED + j] = _first(a[FAILED + j], not inside, now + 1.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(**OPTIONS)
 def _first(before, happens, now):
     return now if (before < 0.0) & happens else before

@@ -17,13 +17,14 @@ import numpy as np
 from numba import njit
 
 from drivelib import metrics
+from drivelib.compiled import OPTIONS
 from drivelib.dfim_control import control_sample
 from drivelib.dfim_plant import averaged_period, turn
 from drivelib.encoder import encoder_speed
 from drivelib.pwm import switched_period
 from drivelib.speed_law import WEIGHTED, speed_command, weighted_command
 
-_interval_indices = njit(cache=True, nogil=True, error_model="numpy")(metrics.interval_indices)
+_interval_indices = njit(**OPTIONS)(metrics.interval_indices)
 
 CHANNELS = (
     "omega_ref", "omega_m", "T_ref", "T_e", "T_load", "i_sd", "i_sq", "i_rd", "i_rq", "phi_rd", "phi_rq",
@@ -38,7 +39,7 @@ LIMITS = ("torque", "stator voltage", "rotor voltage", "stator current", "rotor 
 CURRENT_MODEL, ROTOR_VOLTAGE_MODEL = range(2)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(**OPTIONS)
 def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, record, indices, hits, sensor):
     """Run the drive for ``steps`` control periods; all results go into the arrays that are passed.
 
@@ -183,7 +184,7 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
     return -1
 
 
-@njit(cache=True, nogil=True)
+@njit(**OPTIONS)
 def _keep(x, phi_sd, phi_sq, phi_rd, phi_rq, omega_m, theta_m, theta_s):
     x[0], x[1], x[2], x[3], x[4], x[5], x[6] = phi_sd, phi_sq, phi_rd, phi_rq, omega_m, theta_m, theta_s
 

@@ -9,20 +9,21 @@ import math
 
 from numba import njit
 
+from drivelib.compiled import OPTIONS
 from drivelib.dfim import dfim_derivatives as _dfim_derivatives
 
-dfim_derivatives = njit(cache=True, nogil=True, error_model="numpy", inline="always")(_dfim_derivatives)
+dfim_derivatives = njit(**OPTIONS, inline="always")(_dfim_derivatives)
 
 SMALL_ANGLE = 0.125  # rad
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(**OPTIONS)
 def turn(d, q, c, s):
     """Return the vector (d, q) turned back by the angle with cosine c and sine s."""
     return d * c + q * s, q * c - d * s
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(**OPTIONS)
 def small_cos_sin(x):
     """Return cos x and sin x to 1e-16 for |x| ≤ 1/8: Taylor's polynomials, a fifth of the library's time."""
     z = x * x
@@ -30,7 +31,7 @@ def small_cos_sin(x):
     return cos, x + x * z * (-1 / 6 + z * (1 / 120 + z * (-1 / 5040 + z * (1 / 362880 - z / 39916800))))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(**OPTIONS)
 def cos_sin(x):
     """Return cos x and sin x; fast for the angles that a frame turns within a period."""
     if abs(x) <= SMALL_ANGLE:
@@ -39,7 +40,7 @@ def cos_sin(x):
 
 
 # Inlined into the loops, as its callers are: handing over some twenty numbers costs a quarter of a drive's time.
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@njit(**OPTIONS, inline="always")
 def held_step(
     phi_sd, phi_sq, phi_rd, phi_rq, omega_m, v_sd, v_sq, v_rd, v_rq, omega_s, T_load, R_r, dt, coefficients
 ):
@@ -70,7 +71,7 @@ def held_step(
 
 
 # Inlined, so that the loop over many drives can be vectorised.
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@njit(**OPTIONS, inline="always")
 def turned_step(
     phi_sd, phi_sq, phi_rd, phi_rq, omega_m, v_sd, v_sq, v_rd, v_rq, omega_s, T_load, R_r, dt, coefficients, c_s, s_s, c_r, s_r
 ):
@@ -113,14 +114,14 @@ def turned_step(
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(**OPTIONS)
 def ahead(d, q, x):
     """Return the vector turned forward by the tiny angle x; its cube, 1e-17 at 100 µs, is left out."""
     c = 1.0 - 0.5 * x * x
     return d * c - q * x, q * c + d * x
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@njit(**OPTIONS, inline="always")
 def averaged_period(
     phi_sd, phi_sq, phi_rd, phi_rq, omega_m, v_sd, v_sq, v_rd, v_rq, omega_s, T_load, R_r, period, coefficients, substeps
 ):

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from drivelib.compiled import OPTIONS
 from drivelib.validation import number
 
 
@@ -72,7 +73,7 @@ def sensor(encoder, samples, period):
     return Sensor(float(encoder.counts), blend, encoder.noise * _noise(encoder.seed, samples), np.zeros(4))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(**OPTIONS)
 def encoder_speed(sensor, theta_m, sample, period):
     """Return the speed (rad/s) that the controller sees at the angle theta_m (rad), and keep what the next reading needs.
 

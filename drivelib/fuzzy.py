@@ -29,6 +29,7 @@ import numba
 import numpy as np
 from numba.extending import register_jitable
 
+from drivelib.compiled import OPTIONS
 from drivelib.validation import array, choice, number
 
 LABELS = ("NG", "NM", "NP", "Z", "PP", "PM", "PG")
@@ -253,7 +254,7 @@ def fuzzy_surface(e, de):
     return _outputs(e.ravel(), de.ravel()).reshape(e.shape)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**OPTIONS)
 def _outputs(e, de):
     u = np.empty(e.size)
     for n in range(e.size):

@@ -11,12 +11,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from drivelib.compiled import OPTIONS
 from drivelib.neural import Network, Range, nguyen_widrow
 from drivelib.validation import array, choice, number
 
 STOPS = ("goal", "gradient", "validation", "epochs", "mu")
 MU, MU_MAX, DOWN, UP, MIN_GRADIENT, PATIENCE = 1e-3, 1e10, 0.1, 10.0, 1e-7, 6
-_options = {"cache": True, "nogil": True, "error_model": "numpy"}
 
 
 class Fit(NamedTuple):
@@ -92,7 +92,7 @@ def fit(x, t, n_hidden, rng, *, activation="tanh", goal=0.0, stop_at_goal=True, 
 # The inner loops run over samples or over weights that lie side by side, so that the compiler takes several at once.
 
 
-@njit(**_options, fastmath={"reassoc"})
+@njit(**OPTIONS, fastmath={"reassoc"})
 def _dot(a, b):
     """Return Σ a b in the order that suits the vector unit: the one liberty of the compiler here, fixed by the pinned processor."""
     total = 0.0
@@ -101,7 +101,7 @@ def _dot(a, b):
     return total
 
 
-@njit(**_options)
+@njit(**OPTIONS)
 def _errors(x, t, counts, theta, n_hidden, logistic, hidden, errors):
     """Fill hidden values (n_hidden, n) and errors (n_out, n); return the sum of squares."""
     n_in, n = x.shape
@@ -125,7 +125,7 @@ def _errors(x, t, counts, theta, n_hidden, logistic, hidden, errors):
     return total
 
 
-@njit(**_options)
+@njit(**OPTIONS)
 def _normal(x, counts, theta, n_hidden, logistic, hidden, errors, features, products, weighted, JtJ, Jte):
     """Fill the upper triangle of J^T J, and J^T e.
 
@@ -175,7 +175,7 @@ def _normal(x, counts, theta, n_hidden, logistic, hidden, errors, features, prod
             Jte[begin + a - first] = moments[a]
 
 
-@njit(**_options)
+@njit(**OPTIONS)
 def _solved(JtJ, mu, Jte, U, step):
     """Solve (J^T J + mu) step = J^T e by Cholesky, U^T U, row by row; return whether the matrix was positive."""
     size = Jte.size
@@ -213,7 +213,7 @@ def _solved(JtJ, mu, Jte, U, step):
     return True
 
 
-@njit(**_options)
+@njit(**OPTIONS)
 def _descend(x, t, counts, xv, tv, cv, theta, n_hidden, logistic, goal, stop_at_goal, epochs):
     """Move theta to where the training ends; return epochs, goal epoch, stop, first and last errors of both sets. Samples in columns."""
     size, n, nv, n_out = theta.size, x.shape[1], xv.shape[1], t.shape[0]

@@ -25,10 +25,11 @@ from numba import njit
 from numba.extending import register_jitable
 
 from drivelib import control, pmsm_dynamics, pmsm_law
+from drivelib.compiled import OPTIONS
 from drivelib.pmsm_law import NETWORK, ZERO
 from drivelib.pmsm_plant import held_period
 
-_compiled = njit(cache=True, nogil=True)
+_compiled = njit(**OPTIONS)
 for function in (pmsm_dynamics.terminal_current, pmsm_dynamics.branch_current):
     register_jitable(function)
 _terminal_current, _branch_current = pmsm_dynamics.terminal_current, pmsm_dynamics.branch_current

@@ -9,6 +9,7 @@ from numba import njit
 from numba.extending import register_jitable
 
 from drivelib import pmsm_dynamics
+from drivelib.compiled import OPTIONS
 
 # The physics layer stays free of numba; compiled callers find these functions under their own names.
 for function in (
@@ -22,7 +23,7 @@ for function in (
 _pmsm_derivatives, _power_flows = pmsm_dynamics.pmsm_derivatives, pmsm_dynamics.power_flows
 
 
-@njit(cache=True, nogil=True)
+@njit(**OPTIONS)
 def held_period(i_od, i_oq, omega_m, v_d, v_q, T_load, imposed, period, substeps, c):
     """Return the state after one period, and the energies that flowed in it.
 

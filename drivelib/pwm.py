@@ -9,12 +9,13 @@ import math
 
 from numba import njit
 
+from drivelib.compiled import OPTIONS
 from drivelib.dfim_plant import held_step, turn
 
 HALF_SQRT3 = math.sqrt(3.0) / 2.0
 
 
-@njit(cache=True, nogil=True)
+@njit(**OPTIONS)
 def duties(alpha, beta, V_dc):
     """Return the three references in −1 … 1 that give the phase voltage vector (alpha, beta) in V on average.
 
@@ -26,14 +27,14 @@ def duties(alpha, beta, V_dc):
     return scale * (a - zero), scale * (b - zero), scale * (c - zero)
 
 
-@njit(cache=True, nogil=True)
+@njit(**OPTIONS)
 def switched_vector(duty, carrier, V_dc):
     """Return the phase voltage vector (V, in the inverter's frame) while the carrier has this value."""
     a, b, c = 1.0 * (duty[0] > carrier), 1.0 * (duty[1] > carrier), 1.0 * (duty[2] > carrier)
     return V_dc * (2.0 * a - b - c) / 3.0, V_dc * HALF_SQRT3 * 2.0 / 3.0 * (b - c)
 
 
-@njit(cache=True, nogil=True)
+@njit(**OPTIONS)
 def switching_instants(duty_s, duty_r, begin, end, carrier, slope, instants):
     """Write the times at which a straight piece of the carrier crosses the duties, in order; return their number.
 
@@ -53,7 +54,7 @@ def switching_instants(duty_s, duty_r, begin, end, carrier, slope, instants):
     return n
 
 
-@njit(cache=True, nogil=True)
+@njit(**OPTIONS)
 def switched_period(
     phi_sd, phi_sq, phi_rd, phi_rq, omega_m, v_sd, v_sq, v_rd, v_rq, omega_s, T_load, R_r, period, plant,
     theta_s, theta_m, t, frequency, V_dc_s, V_dc_r, instants, extremes,

@@ -13,6 +13,7 @@ from numba import njit
 
 from drivelib import control
 from drivelib.ann_data import SPLIT, told_apart
+from drivelib.compiled import OPTIONS
 from drivelib.dfim_scenario import DEFAULT_SCENARIO
 from drivelib.levenberg_one import fit
 from drivelib.validation import array, choice, number
@@ -23,11 +24,10 @@ FINE, PER_TURN = 0.5, 4.0  # rad/s and 1: classes of equal width below the first
 SPEEDS = (1.0, 0.2)  # on the set points: the cycle, and the same at low speed
 EPOCHS = 100
 
-_options = {"cache": True, "nogil": True, "error_model": "numpy"}
-_pi_output, _pi_integral, _clip = (njit(**_options)(function) for function in (control.pi_output, control.pi_integral, control.clip))
+_pi_output, _pi_integral, _clip = (njit(**OPTIONS)(function) for function in (control.pi_output, control.pi_integral, control.clip))
 
 
-@njit(**_options)
+@njit(**OPTIONS)
 def _teacher(K_p, K_i, J, f, T_limit, h, reference, loaded, speeds, loads, error, command):
     """Run the PI on J dΩ/dt + f Ω = C − C_r from standstill; fill error (rad/s) and command (N m), shape (runs, steps).
 

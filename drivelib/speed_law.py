@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from drivelib import control
+from drivelib.compiled import OPTIONS
 from drivelib.fuzzy import fuzzy_output
 from drivelib.validation import array, choice, number
 
@@ -21,9 +22,9 @@ PI, FUZZY_POSITION, FUZZY_INCREMENTAL, NETWORK, NETWORK_INCREMENTAL, WEIGHTED = 
 TANH, LOGISTIC = range(2)
 ACTIVATIONS = {"tanh": TANH, "logistic": LOGISTIC}
 
-_clip = njit(cache=True, nogil=True, error_model="numpy")(control.clip)
-_pi_output = njit(cache=True, nogil=True, error_model="numpy")(control.pi_output)
-_pi_integral = njit(cache=True, nogil=True, error_model="numpy")(control.pi_integral)
+_clip = njit(**OPTIONS)(control.clip)
+_pi_output = njit(**OPTIONS)(control.pi_output)
+_pi_integral = njit(**OPTIONS)(control.pi_integral)
 
 
 class SpeedLaw(NamedTuple):
@@ -56,7 +57,7 @@ def _law(kind, K_p=0.0, K_i=0.0, K_e=0.0, K_de=0.0, K_u=0.0, W1=None, B1=None, W
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(**OPTIONS)
 def network_output(law, e, de, integral):
     """Return W2 · act(W1 x + B1) + B2 for the input x, the first columns of (e, Δe, ∫e dt) that W1 takes."""
     u = law.B2
@@ -74,7 +75,7 @@ def network_output(law, e, de, integral):
     return u
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(**OPTIONS)
 def _rule_or_network(law, e, e_previous, memory, T_previous, T_limit, period):
     de = e - e_previous
     if law.kind == FUZZY_POSITION or law.kind == FUZZY_INCREMENTAL:
@@ -90,7 +91,7 @@ def _rule_or_network(law, e, e_previous, memory, T_previous, T_limit, period):
     return torque, asked, memory
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(**OPTIONS)
 def pi_command(K_p, K_i, e, memory, T_limit, period):
     """Return what ``speed_command`` does, of a PI controller."""
     asked = _pi_output(e, memory, K_p)
@@ -99,7 +100,7 @@ def pi_command(K_p, K_i, e, memory, T_limit, period):
 
 
 # Inlined, or passing the networks' arrays costs the PI loop a fifth of its time.
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@njit(**OPTIONS, inline="always")
 def speed_command(law, e, e_previous, memory, T_previous, T_limit, period):
     """Return the torque reference (N m) and the next memory for one sample.
 
@@ -125,7 +126,7 @@ def speed_command(law, e, e_previous, memory, T_previous, T_limit, period):
     return _rule_or_network(law, e, e_previous, memory, T_previous, T_limit, period)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(**OPTIONS)
 def weighted_command(law, omega_ref, omega, memory, T_previous, T_limit, period, state):
     """Return what ``speed_command`` does, of a PI controller with set-point weight and load-torque observer.
 

@@ -57,3 +57,13 @@ def test_the_physics_pays_for_nothing_heavy(heavy):
 @pytest.mark.parametrize("name", FILES)
 def test_files_stay_short(name):
     assert len((freshness.PACKAGE / f"{name}.py").read_text().splitlines()) <= 300
+
+
+@pytest.mark.parametrize("path", sorted(freshness.PACKAGE.glob("*.py")), ids=lambda path: path.stem)
+def test_everything_is_compiled_with_the_one_set_of_options(path):
+    """numba's cache confuses a function with itself under other options: see `drivelib.compiled`."""
+    calls = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("njit")]
+    for call in calls:
+        assert any(keyword.arg is None and ast.unparse(keyword.value) == "OPTIONS" for keyword in call.keywords), f"line {call.lineno}"
+        assert {keyword.arg for keyword in call.keywords} <= {None, "inline", "fastmath"}
+        assert not call.args

@@ -15,7 +15,7 @@ class Layer(NamedTuple):
 
 
 LAYERS = (
-    Layer("Ground", "Paths, checked input, waveforms: what everything stands on.", ("__init__", "paths", "validation", "profiles", "papers/__init__")),
+    Layer("Ground", "Paths, checked input, waveforms: what everything stands on.", ("__init__", "paths", "validation", "profiles", "compiled", "papers/__init__")),
     Layer(
         "Physics",
         "Machine parameters and the equations of both papers: NumPy, SI units, an equation number in every docstring.",
