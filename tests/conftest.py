@@ -1,4 +1,4 @@
-"""Fixtures: a miniature pack in a folder of its own, and the command line as a user calls it."""
+"""Fixtures: a miniature pack in a folder of its own, the command line as a user calls it, and the motors whose exports are tested."""
 
 import json
 import os
@@ -7,11 +7,15 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import psutil
 import pytest
 
-from drivelib import environment, notebook
+from drivelib import environment, loss_map, notebook
+from drivelib.dfim_machines import DFIM_4KW
+from drivelib.machines import IPMSM_2200W
 from drivelib.pack import tokens
+from exported_c import CURRENT, made
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 
@@ -191,3 +195,22 @@ def built_site(tmp_path_factory):
     done = subprocess.run(command, cwd=REPOSITORY, env=environment.pinned(PYTHONPATH=REPOSITORY), capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return target
+
+
+@pytest.fixture(params=[*CURRENT, DFIM_4KW], ids=lambda machine: machine.name)
+def motor(request):
+    """A map and its trained network, of every kind of motor."""
+    return made(request.param)
+
+
+@pytest.fixture(params=list(CURRENT), ids=lambda machine: machine.name)
+def pmsm_motor(request):
+    """A map and its trained network, of every PMSM."""
+    return made(request.param)
+
+
+@pytest.fixture(scope="session")
+def some_map():
+    """A small map of the example's motor, for networks that were never trained on it."""
+    speed, torque = np.linspace(16, 160, 5), np.linspace(1, 14, 4)
+    return loss_map.loss_map(IPMSM_2200W, speed, torque, V_max=300.0, I_max=9.0)
