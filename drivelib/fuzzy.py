@@ -25,8 +25,8 @@ References
 import math
 from dataclasses import dataclass
 
-import numba
 import numpy as np
+from numba import njit
 from numba.extending import register_jitable
 
 from drivelib.compiled import OPTIONS
@@ -254,7 +254,7 @@ def fuzzy_surface(e, de):
     return _outputs(e.ravel(), de.ravel()).reshape(e.shape)
 
 
-@numba.njit(**OPTIONS)
+@njit(**OPTIONS)
 def _outputs(e, de):
     u = np.empty(e.size)
     for n in range(e.size):

@@ -62,7 +62,12 @@ def test_files_stay_short(name):
 @pytest.mark.parametrize("path", sorted(freshness.PACKAGE.glob("*.py")), ids=lambda path: path.stem)
 def test_everything_is_compiled_with_the_one_set_of_options(path):
     """numba's cache confuses a function with itself under other options: see `drivelib.compiled`."""
-    calls = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("njit")]
+    nodes = list(ast.walk(ast.parse(path.read_text())))
+    imported = {alias.name for node in nodes if isinstance(node, ast.ImportFrom) and node.module == "numba" for alias in node.names}
+    attributes = {node.attr for node in nodes if isinstance(node, ast.Attribute) and ast.unparse(node.value) == "numba"}
+    assert imported <= {"njit"} and attributes <= {"__version__"}  # no other compiler, and no other name for this one
+    calls = [node for node in nodes if isinstance(node, ast.Call) and ast.unparse(node.func) == "njit"]
+    assert len(calls) == sum(isinstance(node, ast.Name) and node.id == "njit" for node in nodes)  # a bare decorator has no options
     for call in calls:
         assert any(keyword.arg is None and ast.unparse(keyword.value) == "OPTIONS" for keyword in call.keywords), f"line {call.lineno}"
         assert {keyword.arg for keyword in call.keywords} <= {None, "inline", "fastmath"}
