@@ -11,7 +11,6 @@ import io
 import os
 import re
 import shutil
-import sys
 from pathlib import Path
 
 from rich.console import Console
@@ -56,8 +55,6 @@ def site(options):
     console = Console()
     # This process ends with the build: looking for garbage among millions of nodes takes a third of it and finds nothing to speak of.
     gc.disable()
-    # On its import jsonschema compiles a grammar of international addresses, which no notebook needs: two seconds.
-    sys.modules.setdefault("rfc3987_syntax", None)
     target = Path(options.out) if options.out else paths.build("site")
     warnings = build(target, paths.build("site-cache"), jobs=options.jobs)
     for line in warnings:

@@ -3,26 +3,18 @@
 import importlib
 import re
 import sys
-from functools import cache
 
 from docutils import nodes
 from docutils.parsers.rst import states
 from latex2mathml.converter import convert
 from sphinx import addnodes
 from sphinx.errors import SphinxError
-from sphinx.search.en import SearchEnglish
 
 
 class EquationError(SphinxError):
     """An equation that cannot be shown as MathML."""
 
     category = "Equation error"
-
-
-class Search(SearchEnglish):
-    """Sphinx's search in English, which looks up a word's stem once and not once a page."""
-
-    stem = cache(SearchEnglish.stem)
 
 
 def mathml(latex, display="inline"):
@@ -46,7 +38,6 @@ def mathml(latex, display="inline"):
 def setup(app):
     """Register with Sphinx."""
     app.add_html_math_renderer("mathml", inline_renderers=(_inline, None), block_renderers=(_block, None))
-    app.add_search_language(Search)
     app.connect("env-before-read-docs", _modules)
     app.connect("doctree-read", _types)
     states.Inliner.dispatch = states.Inliner.dispatch | {"|": _bar}
