@@ -24,6 +24,7 @@ SCHEMA = 1
 DIGITS = 9  # what survives a change of processor and compiler with margin; more would be noise
 PUBLISH = "DRIVELIB_PUBLISH"
 OUT = "DRIVELIB_OUT"
+LIES = "DRIVELIB_LIES"  # where what is written to OUT will lie once the run has passed
 SUFFIXES = ("png", "svg", "csv")
 EXPORTS = "exports"  # folder of a run's firmware files
 UNPUBLISHED = "not the published conditions"
@@ -171,8 +172,9 @@ class Record:
         text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
         path = write_atomically(self.folder / f"{self.stem}.json", text.encode())
         if not self.published:
-            shown = path.relative_to(paths.root()) if path.is_relative_to(paths.root()) else path
-            _say(f"Written to `{shown.parent.as_posix()}` ({UNPUBLISHED}).")
+            folder = Path(os.environ.get(LIES) or path.parent)
+            shown = folder.relative_to(paths.root()) if folder.is_relative_to(paths.root()) else folder
+            _say(f"Written to `{shown.as_posix()}` ({UNPUBLISHED}).")
 
     def _write(self, suffix, content):
         write_atomically(self.folder / f"{self.stem}.{suffix}", content)

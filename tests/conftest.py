@@ -182,7 +182,7 @@ def repository():
 @pytest.fixture(autouse=True)
 def _no_stray_root(monkeypatch):
     monkeypatch.delenv("DRIVELIB_ROOT", raising=False)
-    for name in ("DRIVELIB_PUBLISH", "DRIVELIB_OUT", "DRIVELIB_READ"):
+    for name in ("DRIVELIB_PUBLISH", "DRIVELIB_OUT", "DRIVELIB_LIES", "DRIVELIB_READ"):
         monkeypatch.delenv(name, raising=False)
     assert os.environ.get("MPLBACKEND", "agg") == "agg"
 

@@ -37,17 +37,13 @@ class Job:
 
 @dataclass
 class Outcome:
-    """How one item ended: ``failure`` is None when it passed; ``cell_seconds`` is what its cells took of ``seconds``.
-
-    ``folder`` is where the notebook wrote, and said that it did; ``files`` have left it.
-    """
+    """How one item ended: ``failure`` is None when it passed; ``cell_seconds`` is what its cells took of ``seconds``."""
 
     item: str
     failure: str | None
     seconds: float
     files: dict[str, Path] = field(default_factory=dict)
     cell_seconds: float = 0.0
-    folder: Path | None = None
 
 
 def limits(item_id):
@@ -67,19 +63,19 @@ def variables(private, changes, **extra):
 class Attempt:
     """One running notebook."""
 
-    def __init__(self, context, item, stage, publish, mirror, parameters, changes, fork):
+    def __init__(self, context, item, stage, target, mirror, parameters, changes, fork):
         self.item, self.stage, self.started = item, stage, time.monotonic()
         self.limit, output_limit = limits(item)
         self.deadline = self.started + self.limit + STARTUP_SECONDS
         self.token, self.cell_seconds, self.worker = uuid.uuid4().hex, 0.0, None
         self.private = Path(tempfile.mkdtemp(prefix="drv", dir=preloaded.folder_for_sockets()))
         try:
-            self._start(context, publish, mirror, parameters, changes, output_limit, fork)
+            self._start(context, target, mirror, parameters, changes, output_limit, fork)
         except BaseException:
             shutil.rmtree(self.private, ignore_errors=True)
             raise
 
-    def _start(self, context, publish, mirror, parameters, changes, output_limit, fork):
+    def _start(self, context, target, mirror, parameters, changes, output_limit, fork):
         item, stage = self.item, self.stage
         content = notebook.read(paths.notebook(item)) | {"metadata": notebook.METADATA}  # papermill asks it for the language
         freshness.refuse_whole_package(notebook.code(content))
@@ -91,7 +87,7 @@ class Attempt:
         # A folder of its own, so that a notebook that takes another's name in begin() spoils nothing of the other.
         self.folder = Path(tempfile.mkdtemp(prefix="run-", dir=stage))
         where = {
-            record.PUBLISH if publish else record.OUT: self.folder,
+            **({record.PUBLISH: self.folder} if target is None else {record.OUT: self.folder, record.LIES: target}),
             paths.READ: stage / "figures" if mirror else paths.root() / "figures",
             tokens.TOKEN: self.token,
         }
@@ -118,7 +114,7 @@ class Attempt:
         if failure is not None:
             failure = _one_line(failure if not log or "raised" in failure else f"{failure} [{log}]")
         files = {} if failure else {path.suffix: path for path in self._staged() if path.exists()}
-        return Outcome(self.item, failure, time.monotonic() - self.started, files, self.cell_seconds, self.folder)
+        return Outcome(self.item, failure, time.monotonic() - self.started, files, self.cell_seconds)
 
     def kill(self):
         """End every process of this run and remove its private folders."""

@@ -1,6 +1,5 @@
 """The commands behind ``python -m drivelib``: what they print and their exit status."""
 
-import json
 import random
 import shutil
 import subprocess
@@ -127,16 +126,13 @@ def run(options):
     stage = Path(tempfile.mkdtemp(prefix="drivelib-run-"))
     try:
         with runner.interruptible():
-            (outcome,) = runner.run({item.id: item}, jobs=1, stage=stage, publish=False, parameters=given)
+            (outcome,) = runner.run({item.id: item}, jobs=1, stage=stage, target=target, parameters=given)
         if outcome.failure:
             console.print(f"[red]failed[/] {item.id}: {outcome.failure}", markup=True, highlight=False)
             return 1
         target.mkdir(parents=True, exist_ok=True)
-        # The notebook says where it wrote, which is not where its files will lie.
-        wrote, lies = (json.dumps(folder.as_posix(), ensure_ascii=False)[1:-1].encode() for folder in (outcome.folder, target))
         for path in outcome.files.values():
-            content = path.read_bytes()
-            write_atomically(target / path.name, content.replace(wrote, lies) if path.suffix == ".ipynb" else content)
+            write_atomically(target / path.name, path.read_bytes())
         for path in sorted((stage / EXPORTS / item.id).glob("*")):
             write_atomically(target / EXPORTS / path.name, path.read_bytes())
     finally:

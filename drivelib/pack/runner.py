@@ -82,12 +82,12 @@ def _nearest(name, known):
     return f". Did you mean {' or '.join(best)}?" if best else ""
 
 
-def run(chosen, *, jobs, stage, publish=True, mirror=False, parameters=None, seed=None, fork=True, report=lambda *_: None):
+def run(chosen, *, jobs, stage, target=None, mirror=False, parameters=None, seed=None, fork=True, report=lambda *_: None):
     """Run items, at most ``jobs`` at once, into the folder ``stage``; yield an `Outcome` as each ends.
 
     An item waits for the items it needs; when one of those fails, it fails too, unrun. Whoever takes an outcome may
-    set its ``failure`` before asking for the next. ``publish=False`` marks the results as not published (other
-    parameters). With ``mirror=True`` items read the numbers they need from ``stage`` instead of the published ones.
+    set its ``failure`` before asking for the next. With a ``target``, the folder that the caller will move them to, the
+    results are marked as not published (other parameters). With ``mirror=True`` items read the numbers they need from ``stage`` instead of the published ones.
     With a ``seed`` the order is shuffled; the hash seed is then drawn from it too where nothing is published (mirror).
     Kernels are forked from a process that has imported what the items need, where that is safe (see `preloaded`); with
     ``fork=False`` each is started as a new Python.
@@ -122,7 +122,7 @@ def run(chosen, *, jobs, stage, publish=True, mirror=False, parameters=None, see
                     continue
                 began = time.monotonic()
                 try:
-                    run_ = attempt.Attempt(context, id_, Path(stage), publish, mirror, parameters or {}, changes, fork)
+                    run_ = attempt.Attempt(context, id_, Path(stage), target, mirror, parameters or {}, changes, fork)
                 except (OSError, EOFError, ValueError) as error:
                     failed.add(id_)
                     order.done(id_)
