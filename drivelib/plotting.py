@@ -139,15 +139,3 @@ def _luminance(rgb):
     """Return the relative luminance (WCAG) of a colour."""
     linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
     return float(linear @ (0.2126, 0.7152, 0.0722))
-
-
-def settle(fig):
-    """Lay a figure out for good, places rounded to a millionth of its size; call it when all is drawn.
-
-    The solver behind constrained layout orders its unknowns by where they lie in memory. In a figure of many panels
-    the last bits of the places then differ from run to run, and with them the names of the clip paths in the SVG.
-    """
-    fig.draw_without_rendering()
-    fig.set_layout_engine("none")
-    for axis in fig.axes:
-        axis.set_position([round(value, 6) for value in axis.get_position().bounds])

@@ -109,6 +109,7 @@ class Record:
         if not columns or not alt.strip():
             raise ValueError(f"{self.item}: a figure needs its description (alt) and the plotted arrays (columns)")
         self.alt = " ".join(alt.split())
+        _settle(figure)
         png, svg = io.BytesIO(), io.BytesIO()
         figure.savefig(png, format="png", metadata={"Software": None})
         figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": None})
@@ -207,6 +208,18 @@ def _say(text):
     from IPython.display import Markdown, display
 
     display(Markdown(text))
+
+
+def _settle(figure):
+    """Lay a figure out for good, places rounded to a millionth of its size.
+
+    The solver behind constrained layout orders its unknowns by where they lie in memory. In a figure of many panels
+    the last bits of the places then differ from run to run, and with them the names of the clip paths in the SVG.
+    """
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    for axis in figure.axes:
+        axis.set_position([round(value, 6) for value in axis.get_position().bounds])
 
 
 def rounded(value):
