@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 
 from drivelib import paths
-from drivelib.claims import Claim, claim_from, half_last_digit, known_only
+from drivelib.claims import Claim, claim_from, known_only
 from drivelib.validation import choice, nearest, number
 
 DEFAULT = "default"  # the case that a notebook assumes, among its alternatives
@@ -102,7 +102,7 @@ def judge(claim, ours=None, *, as_printed=None, alternatives=None, fit=None, not
     --------
     A printed 118.9 W is met by what rounds to it, and a fit to it is called a fit:
 
-    >>> claim = Claim("p/loss", "p/fig", "fig. 8", "The least loss.", "matches", "W", printed="118.9", tolerance=half_last_digit("118.9"))
+    >>> claim = Claim("p/loss", "p/fig", "fig. 8", "The least loss.", "matches", "W", printed="118.9", tolerance=0.05)
     >>> judge(claim, 118.93).verdict, judge(claim, 118.96).verdict
     ('reproduced', 'contradicted')
     >>> judge(claim, 118.90, fit=(1, 1)).verdict

@@ -127,7 +127,7 @@ def summary(study, table, claims):
     study : Study
     table : structured array
         From ``run``.
-    claims : mapping of str to ledger.Claim
+    claims : mapping of str to claims.Claim
         Says when a measure holds.
 
     Raises

@@ -54,7 +54,7 @@ def claims_table(rows, claims, verdicts):
     Parameters
     ----------
     rows : sequence of robustness.Row
-    claims : mapping of str to ledger.Claim
+    claims : mapping of str to claims.Claim
     verdicts : mapping of str to str
         As published.
     """

@@ -9,7 +9,7 @@ import re
 import jsonschema
 import pytest
 
-from drivelib import ledger, notebook, paths
+from drivelib import claims, ledger, notebook, paths
 from drivelib.pack import check, readme, report, runner
 
 SECTION_A = (
@@ -155,7 +155,7 @@ def test_an_item_names_the_equations_of_its_claims():
 def test_usage_of_what_a_claim_is_allowed(relation, bound, ours, used):
     """By hand: 0.01 of 0.05, 4 of 5, 2 of 4, and so on; a claim uses at most all of it exactly where it holds."""
     printed, tolerance = bound if relation == "matches" else (None, None)
-    claim = ledger.Claim("p/c", "p/i", "", "", relation, printed=printed, tolerance=tolerance, threshold=None if printed else bound)
+    claim = claims.Claim("p/c", "p/i", "", "", relation, printed=printed, tolerance=tolerance, threshold=None if printed else bound)
     got = report.usage(claim, {"ours": ours})
     assert got == pytest.approx(used)
     assert (got <= 1) == claim.holds(ours)

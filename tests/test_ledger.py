@@ -4,22 +4,22 @@ import math
 
 import pytest
 
-from drivelib import ledger
+from drivelib import claims, ledger
 
 HEAD = '[items.fig01]\ntitle = "t"\n[[claims]]\nid = "a"\nitem = "fig01"\nwhere = "w"\ntext = "t"\n'
 
 
 def claim(**values):
-    return ledger.Claim(id="p/a", item="p/fig01", where="w", text="t", **values)
+    return claims.Claim(id="p/a", item="p/fig01", where="w", text="t", **values)
 
 
 def printed(text="118.9"):
-    return claim(relation="matches", printed=text, tolerance=ledger.half_last_digit(text))
+    return claim(relation="matches", printed=text, tolerance=claims.half_last_digit(text))
 
 
 @pytest.mark.parametrize(("text", "half"), [("118.9", 0.05), ("0.5265", 0.00005), ("900", 0.5), ("2.00", 0.005), ("0.0004809", 5e-8)])
 def test_the_tolerance_is_half_a_unit_of_the_last_printed_digit(text, half):
-    assert math.isclose(ledger.half_last_digit(text), half)
+    assert math.isclose(claims.half_last_digit(text), half)
 
 
 def test_a_number_inside_the_tolerance_is_reproduced_and_outside_contradicted():
