@@ -1,5 +1,6 @@
 """What the benchmark compares computes the same thing, and its verdicts follow from its numbers."""
 
+import json
 import os
 import re
 import subprocess
@@ -20,6 +21,7 @@ import bench  # noqa: E402
 import c_loop  # noqa: E402
 import measure  # noqa: E402
 import parts  # noqa: E402
+import whole_pack  # noqa: E402
 
 needs_gcc = pytest.mark.skipif(not c_loop.available(), reason="needs gcc")
 CYCLE = DEFAULT_SCENARIO.changed(
@@ -73,6 +75,18 @@ def test_the_network_of_the_training_rows_has_the_derivatives_it_says():
         step = 1e-6 * np.eye(9)[k]
         slope = (parts.residual(w + step, x, t) - parts.residual(w - step, x, t)) / 2e-6
         np.testing.assert_allclose(parts.jacobian(w, x, t)[:, k], slope, atol=1e-8)
+
+
+def test_the_busiest_worker_is_the_one_whose_cells_took_longest(tmp_path):
+    """Two workers by hand: one has the notebook of 9 s, the other those of 2, 3 and 2 s; the last begins when the first is at work yet."""
+    folder = tmp_path / "build" / "records" / "paper"
+    folder.mkdir(parents=True)
+    for number, (began, seconds) in enumerate([(0, 9), (0, 2), (2, 3), (5, 2)]):
+        record = folder / f"{number}.json"
+        record.write_text(json.dumps({"seconds": seconds, "cell_seconds": seconds - 0.5}))
+        os.utime(record, (1e9 + began + seconds,) * 2)
+    assert whole_pack.busiest(tmp_path, 2) == 8.5
+    assert whole_pack.busiest(tmp_path, 1) == 14.0
 
 
 def test_verdicts_follow_from_the_numbers():
