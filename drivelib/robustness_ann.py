@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from drivelib import control
-from drivelib.ann_data import SPLIT, told_apart
+from drivelib.ann_data import SPLIT
 from drivelib.compiled import OPTIONS
 from drivelib.dfim_scenario import DEFAULT_SCENARIO
 from drivelib.levenberg_one import fit
@@ -87,7 +87,7 @@ def classes(error, command):
     Least squares on these means, weighted by the numbers, is least squares on the samples, but for the curve's bend within a class.
     """
     error, command = array("error", error, "rad/s"), array("command", command, "N m")
-    _, which, count = told_apart(np.rint(PER_TURN * np.arcsinh(error / FINE)))
+    _, which, count = np.unique(np.rint(PER_TURN * np.arcsinh(error / FINE)), return_inverse=True, return_counts=True)
     return np.bincount(which, error) / count, np.bincount(which, command) / count, count.astype(float)
 
 
