@@ -184,19 +184,10 @@ def _solved(JtJ, mu, Jte, U, step):
         for b in range(row.size):
             row[b] = given[b]
         row[0] += mu
-        c = 0
-        while c + 4 <= a:  # four rows at once spare reading and writing this one three times
-            p, q, r, s = U[c, a:], U[c + 1, a:], U[c + 2, a:], U[c + 3, a:]
-            p0, q0, r0, s0 = p[0], q[0], r[0], s[0]
+        for c in range(a):
+            above = U[c, a:]
             for b in range(row.size):
-                row[b] -= (p0 * p[b] + q0 * q[b]) + (r0 * r[b] + s0 * s[b])
-            c += 4
-        while c < a:
-            p = U[c, a:]
-            p0 = p[0]
-            for b in range(row.size):
-                row[b] -= p0 * p[b]
-            c += 1
+                row[b] -= above[0] * above[b]
         if not row[0] > 0.0:
             return False
         scale = 1.0 / math.sqrt(row[0])

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drivelib.validation import array, choice, everywhere
+from drivelib.validation import array, choice
 
 MODELS = ("full", "simplified")
 CONVENTIONS = ("consistent", "paper")
@@ -66,7 +66,7 @@ def i_oq_at_voltage(machine, omega_e, V_s, i_od):
     array("V_s", V_s, "V", at_least=0)
     # (R_s² + ω² L_q²) i² + 2 R_s ω (λ + ΔL i_od) i + V² = V_s², V being the voltage without i_oq
     square = machine.R_s**2 + (omega_e * machine.L_q) ** 2
-    if not everywhere(square > 0):
+    if not (square > 0).all():
         raise ValueError("R_s = 0 ohm at omega_e = 0 rad/s: nothing limits the current, so no voltage determines it")
     half = machine.R_s * omega_e * (machine.psi_f + machine.delta_L * i_od)
     missing = V_s**2 - (machine.R_s * i_od) ** 2 - (omega_e * (machine.psi_f + machine.L_d * i_od)) ** 2
@@ -232,7 +232,7 @@ def _power_factor(convention):
 
 def _torque_flux(machine, i_od):
     flux = machine.psi_f + machine.delta_L * i_od
-    if not everywhere(flux > 0):
+    if not (flux > 0).all():
         limit = -machine.psi_f / machine.delta_L
         raise ValueError(
             f"i_od = {i_od[flux <= 0].flat[0]:g} A: λ + (L_d − L_q) i_od must be positive, so i_od must stay "

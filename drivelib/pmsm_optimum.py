@@ -29,7 +29,7 @@ import numpy as np
 
 from drivelib import pmsm
 from drivelib.curves import last_below
-from drivelib.validation import array, choice, everywhere, number
+from drivelib.validation import array, choice, number
 
 NEWTON_STEPS = 60  # convergence is monotone; quadratic except where a limit is just met
 
@@ -138,7 +138,7 @@ def optimum(machine, omega_e, T_e, *, model="full", convention="consistent", V_m
     i_oq = pmsm.i_oq_at_torque(machine, T_e, inside)
     at = pmsm.operating_point(machine, omega_e, inside, i_oq, model=model, convention=convention)
     shown = (inside, i_oq, at.i_d, at.i_q, at.V_s, at.loss)
-    if not everywhere(feasible):
+    if not feasible.all():
         shown = [np.where(feasible, values, np.nan) for values in shown]
     return Optimum(*map(np.asarray, shown), limited=feasible & (inside != free), feasible=feasible)
 
@@ -234,7 +234,7 @@ def _current_form(machine, omega_e, model):
 
 def _coefficients(machine, p, g):
     denominator = p + g * machine.L_d**2
-    if not everywhere(denominator != 0):
+    if not (denominator != 0).all():
         raise ValueError("R_s = 0 ohm at omega_e = 0 rad/s: every current has the same loss, so there is no optimum")
     return g * machine.psi_f * machine.L_d / denominator, (p + g * machine.L_q**2) / denominator
 
@@ -257,7 +257,7 @@ def _root(machine, b, k, q):
         squared = y * y
         step = (squared * y * excess - mu) / (squared * (4 * excess + 1))
         excess = excess - step
-        if everywhere(abs(step) <= 1e-9 * excess + 1e-300):  # what is left is the square of that
+        if (abs(step) <= 1e-9 * excess + 1e-300).all():  # what is left is the square of that
             break
     x = a * (1 + np.maximum(excess, 0))
     return machine.delta_L * k * (q / x) ** 2 / x - b

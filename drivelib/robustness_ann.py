@@ -5,14 +5,13 @@ for ten thousand. The current loops are far faster than the speed loop, so the t
 limit; and since one input leaves a curve, samples of nearly equal error are averaged before the training.
 """
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
 from numba import njit
 
 from drivelib import control
-from drivelib.ann_data import SPLIT, told_apart
+from drivelib.ann_data import SPLIT
 from drivelib.compiled import OPTIONS
 from drivelib.dfim_scenario import DEFAULT_SCENARIO
 from drivelib.levenberg_one import fit
@@ -87,7 +86,7 @@ def classes(error, command):
     Least squares on these means, weighted by the numbers, is least squares on the samples, but for the curve's bend within a class.
     """
     error, command = array("error", error, "rad/s"), array("command", command, "N m")
-    _, which, count = told_apart(np.rint(PER_TURN * np.arcsinh(error / FINE)))
+    _, which, count = np.unique(np.rint(PER_TURN * np.arcsinh(error / FINE)), return_inverse=True, return_counts=True)
     return np.bincount(which, error) / count, np.bincount(which, command) / count, count.astype(float)
 
 
@@ -113,10 +112,3 @@ def trained(error, command, rng, *, activation="logistic", samples=3000, noise=0
     (x, t, counts), (xv, tv, cv), _ = (classes(*part) if k < 2 else part for k, part in enumerate(zip(np.split(e, ends), np.split(command[at], ends), strict=True)))
     validation = xv[:, None], tv[:, None], cv
     return fit(x[:, None], t[:, None], hidden, rng, activation=activation, epochs=EPOCHS, counts=counts, validation=validation)
-
-
-def as_logistic(law):
-    """Return a ``NetworkSpeed`` with logistic neurons that gives what ``law`` gives: tanh z = 2 logistic(2z) − 1, at two thirds of the cost."""
-    if law.activation == "logistic":
-        return law
-    return replace(law, W1=2 * law.W1, B1=2 * law.B1, W2=2 * law.W2, B2=law.B2 - law.W2.sum(), activation="logistic")

@@ -198,7 +198,7 @@ def laws_of(values, scenario, network):
         flc = contest.fuzzy_like_pi(scenario, values["e_max"], gains=control.PiGains(*(values["flc_gain"] * gain for gain in gains)))
     else:
         flc = contest.fuzzy_position(scenario, values["flc_gain"] * gains.K_p)
-    return {"PI": PiSpeed(*gains).law(), "FLC": flc.law(), "ANN": robustness_ann.as_logistic(ann_data.network_speed(network)).law()}
+    return {"PI": PiSpeed(*gains).law(), "FLC": flc.law(), "ANN": ann_data.network_speed(network).law()}
 
 
 def profiles_of(values, scenario, rng):

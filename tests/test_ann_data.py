@@ -94,15 +94,6 @@ def test_classes_by_hand():
     assert found.floor == 1.0  # squares 2, four samples less two classes
 
 
-@pytest.mark.parametrize("spread", [3, 40, 1e6])
-def test_counting_tells_apart_what_sorting_does(spread):
-    codes = np.round(np.random.default_rng(0).normal(0.0, spread, 500))
-    for ours, theirs in zip(ann_data.told_apart(codes), np.unique(codes, return_inverse=True, return_counts=True), strict=True):
-        np.testing.assert_array_equal(ours, theirs)
-    with pytest.raises(ValueError, match="codes is empty"):
-        ann_data.told_apart([])
-
-
 def test_pi_answer_is_the_recorded_command():
     error, command = ann_data.pi_data(SHORT, speed_factors=(1.0,), load_factors=(1.0,), samples=SHORT.steps + 1)
     assert np.max(np.abs(ann_data.pi_answer(error, SHORT) - command)) < 1e-9

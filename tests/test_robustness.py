@@ -18,7 +18,6 @@ from drivelib.dfim_scenario import DEFAULT_SCENARIO
 from drivelib.ensemble import EnsembleError, generator
 from drivelib.robustness import DIVERGED, NETWORK, REACH, Study, run, summary
 from drivelib.space import Space, Span
-from drivelib.speed_law import NetworkSpeed, network_output
 
 CLAIMS = {id_: claim for paper in ("eskander", "zidani") for id_, claim in ledger.papers()[paper].claims.items()}
 ROWS = {
@@ -250,15 +249,6 @@ def test_the_short_teacher_teaches_what_the_whole_drive_teaches():
     assert slope == pytest.approx(ann_data.map_slope(best), rel=0.15)
     e, u, counts = robustness_ann.classes(error, command)
     assert counts.sum() == error.size and counts @ u == pytest.approx(command.sum()) and len(e) < 120
-
-
-def test_a_tanh_network_written_with_logistic_neurons_gives_the_same():
-    rng = np.random.default_rng(0)
-    law = NetworkSpeed(rng.normal(size=(15, 1)), rng.normal(size=15), rng.normal(size=15), 0.3)
-    as_logistic = robustness_ann.as_logistic(law)
-    for e in np.linspace(-5.0, 5.0, 11):
-        assert network_output(as_logistic.law(), e, 0.0, 0.0) == pytest.approx(law.W2 @ np.tanh(law.W1[:, 0] * e + law.B1) + law.B2, abs=1e-13)
-    assert robustness_ann.as_logistic(as_logistic) is as_logistic
 
 
 def test_the_published_table_has_each_drawn_claim_with_its_published_verdict():
