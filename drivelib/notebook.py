@@ -9,6 +9,7 @@ import re
 from drivelib import ledger
 from drivelib.validation import nearest
 
+ADDRESS = re.compile(r"<.+ at 0x[0-9a-f]+>")  # how Python shows an object that says nothing better of itself
 PARAMETERS_TAG = "parameters"
 INJECTED_TAG = "injected-parameters"  # papermill's own cell, which no committed notebook has
 METADATA = {
@@ -156,6 +157,8 @@ def unpublishable(content):
                 reasons.append(f"cell {number} raised {output.get('ename')}: {output.get('evalue')}")
             if output.get("name") == "stderr":
                 reasons.append(f"cell {number} wrote to stderr: {''.join(output['text']).strip()[:300]}")
+            if address := ADDRESS.search("".join(output.get("data", {}).get("text/plain", output.get("text", "")))):
+                reasons.append(f"cell {number} shows an address in memory, another in each run: {address.group()}")
             if _is_widget(output):
                 reasons.append(f"cell {number} shows a widget, which nobody sees without a kernel")
     return reasons

@@ -2,6 +2,7 @@
 
 import json
 
+import matplotlib.pyplot as plt
 import pytest
 
 from drivelib import notebook
@@ -63,6 +64,20 @@ def test_errors_stderr_and_widgets_are_unpublishable():
     reasons = notebook.unpublishable(content(code("x", outputs=[error, stderr, widget])))
     assert notebook.normalised(content(code("x", outputs=[widget, error])))["cells"][0]["outputs"] == [error | {"data": {}}]
     assert ["raised" in reasons[0], "stderr" in reasons[1], "widget" in reasons[2]] == [True] * 3
+
+
+@pytest.mark.parametrize("stream", [True, False])
+def test_an_address_in_memory_is_unpublishable(stream):
+    """What a cell shows whose last line is a call on an axis: no two runs show the same."""
+    def shown(text):
+        output = {"output_type": "stream", "name": "stdout", "text": text} if stream else {"output_type": "execute_result", "data": {"text/plain": text}, "metadata": {}}
+        return notebook.unpublishable(content(code("1"), code("x", outputs=[output])))
+
+    assert shown("a loss of 0x10 W, <IPython.core.display.Image object>") == []
+    for thing in (object(), shown, plt.figure().add_subplot().set_xticks([1])):
+        (reason,) = shown([f"{thing!r}\n"])
+        assert "cell 2 shows an address in memory" in reason and hex(id(thing[0] if isinstance(thing, list) else thing)) in reason
+    plt.close("all")
 
 
 BROKEN = ("", '"cells": 3', '"cells": "x"', '"cells": [3]', '"cells": [{"cell_type": "code", "source": ""}]', '"cells": [{"cell_type": "code", "metadata": {}}]')
