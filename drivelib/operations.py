@@ -20,7 +20,8 @@ exponential (range reduction, polynomial) and one division, an assumption.
 
 References
 ----------
-Cortex-M4 Technical Reference Manual, ARM DDI 0439B, sec. 7.2.3 (floating-point instructions).
+Cortex-M4 Technical Reference Manual, ARM DDI 0439B, sec. 7.2.3 (floating-point instructions); the same counts in
+Texas Instruments' CC13x2/CC26x2 Technical Reference Manual, SWCU192, table 3-27.
 """
 
 

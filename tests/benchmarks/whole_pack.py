@@ -24,13 +24,16 @@ def copy(target):
         shutil.copytree(source, target / name) if source.is_dir() else shutil.copy2(source, target / name)
 
 
-def papermill(folder):
-    """Return (wall, cells) in seconds of the papermill command for one notebook after the other."""
-    variables = environment.pinned(PYTHONPATH=freshness.PACKAGE.parent, DRIVELIB_OUT=folder / "out", DRIVELIB_READ=paths.root() / "figures")
+def papermill(folder, tree):
+    """Return (wall, cells) in seconds of the papermill command for one notebook after the other, on the same copy as ours.
+
+    So both find the draws of claim_robustness that the first run left there.
+    """
+    variables = environment.pinned(PYTHONPATH=freshness.PACKAGE.parent, DRIVELIB_ROOT=tree, DRIVELIB_OUT=folder / "out")
     began, cells = time.perf_counter(), 0.0
     for number, item in enumerate(runner.items()):
         executed = folder / f"{number}.ipynb"
-        command = [sys.executable, "-m", "papermill", "--no-progress-bar", "-k", "python3", paths.notebook(item), executed]
+        command = [sys.executable, "-m", "papermill", "--no-progress-bar", "-k", "python3", tree / "notebooks" / f"{item}.ipynb", executed]
         subprocess.run(command, env=variables, cwd=folder, check=True, capture_output=True)
         cells += sum(cell["metadata"]["papermill"]["duration"] or 0.0 for cell in json.loads(executed.read_text())["cells"])
     return time.perf_counter() - began, cells
@@ -77,7 +80,7 @@ def rows(repetitions):
             wall = reproduce(tree, "--force", "--jobs", str(JOBS))
             ours.append((wall, wall - busiest(tree, JOBS)))
         unchanged = [reproduce(tree) for _ in range(repetitions)]
-        wall, cells = papermill(other)
+        wall, cells = papermill(other, tree)
     name = f"the whole pack, {len(runner.items())} notebooks, {JOBS} workers"
     return [
         Row(f"{name}: overhead", "papermill command, one by one, once", [(a, wall - cells) for _, a in ours], "faster", 6),
