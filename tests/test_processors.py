@@ -30,6 +30,13 @@ def test_a_failing_cell_is_named(here, tmp_path):
     assert processors.run(tmp_path / "run", "mini/fig01_line", {}, processors.NATIVE)[1] == "failed: RuntimeError: no bearing"
 
 
+def test_the_comparison_says_why_a_run_failed(here, capsys):
+    here.write("fig01_line", "mini/slope", work="import os\nassert 'OPENBLAS_CORETYPE' in os.environ, 'no bearing'")
+    assert processors.compare(Console(width=200), cpus=(), names=["mini/fig01"], without=("OPENBLAS_CORETYPE",)) == 1
+    said = capsys.readouterr().out.splitlines()
+    assert said[0].endswith("s: the reference") and "without OPENBLAS_CORETYPE" in said[1] and said[1].endswith("failed: AssertionError: no bearing")
+
+
 def test_differences_in_files_and_in_memory_are_named(here, tmp_path):
     for name, slope in (("a", 2.0), ("b", 2.0 + 4.5e-16), ("c", 2.001)):
         processors.run(tmp_path / name, "mini/fig01_line", {"slope": slope}, processors.NATIVE)

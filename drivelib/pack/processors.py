@@ -60,8 +60,9 @@ def compare(console, *, cpus, names=(), given=None, without=(), jobs=1):
                 said = [failure] if failure else differences(base / str(first), base / str(number), item)
                 differing += bool(said)
                 where = cpu + (f" without {', '.join(left_out)}" if left_out else "")
-                same = "the reference" if number == first else f"the same bytes; in memory {in_memory(base / str(first), base / str(number))}"
-                console.print(f"{item} on {where}, {seconds:.0f} s: {'; '.join(said) or same}", highlight=False, markup=False, soft_wrap=True)
+                if not said and number != first:
+                    said = [f"the same bytes; in memory {in_memory(base / str(first), base / str(number))}"]
+                console.print(f"{item} on {where}, {seconds:.0f} s: {'; '.join(said) or 'the reference'}", highlight=False, markup=False, soft_wrap=True)
     finally:
         shutil.rmtree(base, ignore_errors=True)
     return differing
