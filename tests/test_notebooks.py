@@ -74,6 +74,14 @@ def test_committed_outputs_are_complete_and_normalised(item):
 
 
 @pytest.mark.parametrize("item", ITEMS)
+def test_nothing_is_shown_that_only_happens_to_end_a_cell(item):
+    """Such as what a call on an axis gives back; what is meant for readers has a form of its own beside the plain text."""
+    for cell in notebook.read(paths.notebook(item))["cells"]:
+        for output in cell.get("outputs", ()):
+            assert output["output_type"] != "execute_result" or set(output["data"]) != {"text/plain"}, notebook.source(cell)[-80:]
+
+
+@pytest.mark.parametrize("item", ITEMS)
 def test_sizes_stay_small(item):
     for suffix, limit in attempt.SIZE_LIMITS.items():
         path = paths.notebook(item) if suffix == ".ipynb" else paths.figure(item, suffix.removeprefix("."))

@@ -87,7 +87,8 @@ def run(chosen, *, jobs, stage, target=None, mirror=False, parameters=None, seed
 
     An item waits for the items it needs; when one of those fails, it fails too, unrun. Whoever takes an outcome may
     set its ``failure`` before asking for the next. With a ``target``, the folder that the caller will move them to, the
-    results are marked as not published (other parameters). With ``mirror=True`` items read the numbers they need from ``stage`` instead of the published ones.
+    results are marked as not published (other parameters). With ``mirror=True`` items read the numbers they need from
+    ``stage`` instead of the published ones.
     With a ``seed`` the order is shuffled; the hash seed is then drawn from it too where nothing is published (mirror).
     Kernels are forked from a process that has imported what the items need, where that is safe (see `preloaded`); with
     ``fork=False`` each is started as a new Python.
