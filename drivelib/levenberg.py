@@ -195,12 +195,9 @@ class Descent:
             good = sse < self.sse[part]
             better.append(good)
             keep = torch.nonzero(good).squeeze(1)
-            if 0 < len(keep) < len(part):
-                trial, hidden, errors, sse = (value.index_select(0, keep) for value in (trial, hidden, errors, sse))
-            if len(keep):
-                won = part[keep]
-                self.weights[won], self.sse[won] = trial, sse
-                self.JtJ[won], self.Jte[won] = self.batch.normal(trial, hidden, errors)
+            won = part[keep]
+            self.weights[won], self.sse[won] = trial[keep], sse[keep]
+            self.JtJ[won], self.Jte[won] = self.batch.normal(trial, hidden, errors, keep)
         self.trials[which] += 1
         return torch.cat(better)
 

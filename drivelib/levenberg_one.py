@@ -13,6 +13,7 @@ from numba import njit
 
 from drivelib.compiled import OPTIONS
 from drivelib.neural import Network, Range, nguyen_widrow
+from drivelib.normal_equations import dot, normal_one, workspace
 from drivelib.validation import array, choice, number
 
 STOPS = ("goal", "gradient", "validation", "epochs", "mu")
@@ -92,15 +93,6 @@ def fit(x, t, n_hidden, rng, *, activation="tanh", goal=0.0, stop_at_goal=True, 
 # The inner loops run over samples or over weights that lie side by side, so that the compiler takes several at once.
 
 
-@njit(**OPTIONS, fastmath={"reassoc"})
-def _dot(a, b):
-    """Return Σ a b in the order that suits the vector unit: the one liberty of the compiler here, fixed by the pinned processor."""
-    total = 0.0
-    for m in range(a.size):
-        total += a[m] * b[m]
-    return total
-
-
 @njit(**OPTIONS)
 def _errors(x, t, counts, theta, n_hidden, logistic, hidden, errors):
     """Fill hidden values (n_hidden, n) and errors (n_out, n); return the sum of squares."""
@@ -123,56 +115,6 @@ def _errors(x, t, counts, theta, n_hidden, logistic, hidden, errors):
         for m in range(n):
             total += counts[m] * e[m] * e[m]
     return total
-
-
-@njit(**OPTIONS)
-def _normal(x, counts, theta, n_hidden, logistic, hidden, errors, features, products, weighted, JtJ, Jte):
-    """Fill the upper triangle of J^T J, and J^T e.
-
-    With d_j the slope of hidden neuron j and V the output weights, the error of output k has derivatives V_kj d_j (x, 1) to the
-    weights of neuron j, and (h, 1) to those of the output. So every entry is output weights times one of the products of the
-    features d_j (x, 1) and (h, 1), summed over the samples; between the weights of two outputs there is none.
-    """
-    (n_in, n), n_out = x.shape, errors.shape[0]
-    first, wide = n_hidden * (n_in + 1), features.shape[0]
-    for j in range(n_hidden):
-        row, h, values = j * (n_in + 1), hidden[j], features[first + j]
-        slope = features[row + n_in]
-        for m in range(n):
-            values[m] = h[m]
-            slope[m] = h[m] - h[m] * h[m] if logistic else 1.0 - h[m] * h[m]
-        for i in range(n_in):
-            f = features[row + i]
-            for m in range(n):
-                f[m] = slope[m] * x[i, m]
-    features[-1] = 1.0
-    for a in range(wide):
-        f = features[a]
-        for m in range(n):
-            weighted[m] = counts[m] * f[m]
-        for b in range(a, wide):
-            products[a, b] = _dot(weighted, features[b])
-    JtJ[:, :] = 0.0
-    Jte[:] = 0.0
-    V, moments = np.empty(first), np.empty(wide)  # V of one output, repeated for each weight of a neuron
-    for k in range(n_out):
-        begin = first + k * (wide - first)
-        for j in range(n_hidden):
-            V[j * (n_in + 1) : (j + 1) * (n_in + 1)] = theta[begin + j]
-        for m in range(n):
-            weighted[m] = counts[m] * errors[k, m]
-        for a in range(wide):
-            moments[a] = _dot(weighted, features[a])
-        for a in range(first):
-            for b in range(a, first):
-                JtJ[a, b] += V[a] * V[b] * products[a, b]
-            for b in range(first, wide):
-                JtJ[a, begin + b - first] = V[a] * products[a, b]
-            Jte[a] += V[a] * moments[a]
-        for a in range(first, wide):
-            for b in range(a, wide):
-                JtJ[begin + a - first, begin + b - first] = products[a, b]
-            Jte[begin + a - first] = moments[a]
 
 
 @njit(**OPTIONS)
@@ -200,7 +142,7 @@ def _solved(JtJ, mu, Jte, U, step):
         for b in range(row.size):
             later[b] -= step[a] * row[b]
     for a in range(size - 1, -1, -1):
-        step[a] = (step[a] - _dot(U[a, a + 1 :], step[a + 1 :])) / U[a, a]
+        step[a] = (step[a] - dot(U[a, a + 1 :], step[a + 1 :])) / U[a, a]
     return True
 
 
@@ -208,10 +150,9 @@ def _solved(JtJ, mu, Jte, U, step):
 def _descend(x, t, counts, xv, tv, cv, theta, n_hidden, logistic, goal, stop_at_goal, epochs):
     """Move theta to where the training ends; return epochs, goal epoch, stop, first and last errors of both sets. Samples in columns."""
     size, n, nv, n_out = theta.size, x.shape[1], xv.shape[1], t.shape[0]
-    wide = n_hidden * (x.shape[0] + 2) + 1
     hidden, errors = np.empty((n_hidden, n)), np.empty((n_out, n))
     hidden_v, errors_v = np.empty((n_hidden, nv)), np.empty((n_out, nv))
-    features, products, weighted = np.empty((wide, n)), np.empty((wide, wide)), np.empty(n)
+    work = workspace(x.shape[0], n_hidden, n_out, n)
     JtJ, factor = np.empty((size, size)), np.zeros((size, size))
     Jte, step, trial, best = np.empty(size), np.zeros(size), np.empty(size), theta.copy()
     mu, epoch, goal_epoch, fails, stop = MU, 0, -1, 0, -1
@@ -221,7 +162,7 @@ def _descend(x, t, counts, xv, tv, cv, theta, n_hidden, logistic, goal, stop_at_
     arrived = True
     while stop < 0:
         if arrived:
-            _normal(x, counts, theta, n_hidden, logistic, hidden, errors, features, products, weighted, JtJ, Jte)
+            normal_one(x, counts, theta, n_hidden, logistic, hidden, errors, work, JtJ, Jte)
             if sse <= goal and goal_epoch < 0:
                 goal_epoch = epoch
                 if stop_at_goal:

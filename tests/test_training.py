@@ -16,6 +16,7 @@ from scipy.optimize import least_squares
 from drivelib.levenberg import MARQUARDT, STOPS, TOOLBOX, Descent, Schedule
 from drivelib.neural import Network, Range, nguyen_widrow
 from drivelib.neural_batch import Batch
+from drivelib.normal_equations import BLOCK
 from drivelib.training import NotConverged, train
 
 SIZES = [(2, 2, 1), (2, 2, 2), (1, 15, 1), (3, 4, 2)]
@@ -56,8 +57,12 @@ def machine_data(n=300, seed=0):
 def test_jacobian_is_the_derivative_of_the_errors(size, activation):
     data, weights, x, t = batch(size, activation)
     hidden, errors = data.errors(weights)
-    J = data.jacobian(weights, hidden).clone()
-    JtJ, Jte = data.normal(weights, hidden, errors)
+    J = data.jacobian(weights, hidden)
+    which = torch.tensor([2, 0])
+    compiled, by_torch = data.normal(weights, hidden, errors, which), data.normal_by_jacobian(weights, hidden, errors)
+    for ours, theirs in zip(compiled, by_torch, strict=True):
+        torch.testing.assert_close(ours, theirs[which], rtol=0, atol=1e-11)
+    JtJ, Jte = by_torch
     for k, row in enumerate(weights):
         formula = lambda w: written_out(w, size, activation, x, t)  # noqa: E731
         torch.testing.assert_close(errors[k], formula(row), rtol=0, atol=1e-13)
@@ -69,6 +74,15 @@ def test_jacobian_is_the_derivative_of_the_errors(size, activation):
         flat = automatic.transpose(0, 1).flatten(1)
         torch.testing.assert_close(JtJ[k], flat @ flat.T, rtol=0, atol=1e-11)
         torch.testing.assert_close(Jte[k], flat @ errors[k].flatten(), rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("n", [BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK + 100])
+def test_normal_equations_of_more_samples_than_a_block(n):
+    data, weights, _, _ = batch((2, 3, 2), n=n)
+    hidden, errors = data.errors(weights)
+    compiled, by_torch = data.normal(weights, hidden, errors, torch.arange(3)), data.normal_by_jacobian(weights, hidden, errors)
+    for ours, theirs in zip(compiled, by_torch, strict=True):
+        torch.testing.assert_close(ours, theirs, rtol=1e-12, atol=1e-10)
 
 
 @pytest.mark.parametrize("activation", ["tanh", "logistic"])
@@ -100,7 +114,7 @@ def scipy_lm(data, row, **options):
 
     def jacobian(w):
         w = torch.as_tensor(w)[None]
-        return data.jacobian(w, data.errors(w)[0])[0, 0].T.numpy().copy()
+        return data.jacobian(w, data.errors(w)[0])[0, 0].T.numpy()
 
     return least_squares(errors, row, jacobian, method="lm", **options)
 
@@ -147,7 +161,7 @@ def test_the_first_epoch_of_the_default_is_that_of_its_references():
     seen = set()
     for k, w in enumerate(rows):
         weights = torch.as_tensor(w)[None]
-        J = data.jacobian(weights, data.errors(weights)[0])[0, 0].numpy().T.copy()
+        J = data.jacobian(weights, data.errors(weights)[0])[0, 0].numpy().T
         e, mu, up = errors(w), MARQUARDT.mu, MARQUARDT.up
         while True:
             damping = mu * np.diag(J.T @ J)
