@@ -29,13 +29,13 @@ class Batch:
     """
 
     def __init__(self, x, t, n_hidden, activation, device="cpu"):
-        self.x, self.t = (torch.as_tensor(rows.T.copy(), dtype=torch.float64, device=device) for rows in (x, t))
+        x, self.t = (torch.as_tensor(rows.T.copy(), dtype=torch.float64, device=device) for rows in (x, t))
         # torch computes the last few elements of a tensor by other code with other last bits; rows of whole
         # vectors keep those away from the samples, and so a start's bits from its place in the batch.
-        self.n = self.x.shape[1]
+        self.n = x.shape[1]
         self.n_padded = -(-self.n // 16) * 16
-        self.x1 = self.x.new_zeros(len(self.x) + 1, self.n_padded)
-        self.x1[:-1, : self.n], self.x1[-1] = self.x, 1.0
+        self.x1 = x.new_zeros(len(x) + 1, self.n_padded)
+        self.x1[:-1, : self.n], self.x1[-1] = x, 1.0
         self.n_hidden, self.activation = n_hidden, activation
         self.n_first = n_hidden * len(self.x1)
         self.size = self.n_first + len(self.t) * (n_hidden + 1)
@@ -70,7 +70,7 @@ class Batch:
         # In half the time of Jacobians, which do not stay in the cache between their filling and their product.
         JtJ, Jte = weights.new_empty(len(which), self.size, self.size), weights.new_empty(len(which), self.size)
         arrays = [values.numpy() for values in (hidden, errors, which, JtJ, Jte)]
-        normal_many(self.x.numpy(), weights.numpy(), self.n_hidden, self.activation == "logistic", *arrays)
+        normal_many(self.x1[:-1].numpy(), weights.numpy(), self.n_hidden, self.activation == "logistic", *arrays)
         return JtJ, Jte
 
     def normal_by_jacobian(self, weights, hidden, errors):
@@ -103,4 +103,3 @@ class Batch:
     def _layers(self, weights):
         W1 = weights[:, : self.n_first].unflatten(1, (self.n_hidden, -1))
         return W1, weights[:, self.n_first :].unflatten(1, (len(self.t), -1))
-

@@ -46,7 +46,7 @@ def normal_one(x, counts, theta, n_hidden, logistic, hidden, errors, work, JtJ, 
 
     Parameters
     ----------
-    x : array, shape (n_in, n)
+    x : array, shape (n_in, n or more)
     counts : array, shape (n,)
         How often each sample counts.
     theta : array, shape (size,)
@@ -58,7 +58,7 @@ def normal_one(x, counts, theta, n_hidden, logistic, hidden, errors, work, JtJ, 
     work : Workspace
     JtJ, Jte : arrays, shapes (size, size) and (size,)
     """
-    (n_in, n), (n_out, wide), block = x.shape, work.moments.shape, work.row.size
+    n_in, n, (n_out, wide), block = x.shape[0], counts.size, work.moments.shape, work.row.size
     work.products[:, :], work.moments[:, :] = 0.0, 0.0
     for begin in range(0, n, block):
         row = work.row[: min(block, n - begin)]
@@ -122,7 +122,8 @@ def normal_many(x, weights, n_hidden, logistic, hidden, errors, which, JtJ, Jte)
         Of all S networks.
     which : int array, shape (W,)
     """
-    once, work = np.ones(x.shape[1]), workspace(x.shape[0], n_hidden, errors.shape[1], x.shape[1])
+    n_out, n = errors.shape[1:]
+    once, work = np.ones(n), workspace(x.shape[0], n_hidden, n_out, n)
     for k in range(which.size):
         j = which[k]
         normal_one(x, once, weights[j], n_hidden, logistic, hidden[j], errors[j], work, JtJ[k], Jte[k])

@@ -30,8 +30,8 @@ LAYERS = (
         "PI controllers by pole placement, the Mamdani controller in closed form, networks and their training.",
         (
             "control", "fuzzy", "fuzzy_facts", "fuzzy_reference", "fuzzy_sets", "neural", "normal_equations", "neural_batch", "levenberg",
-            "training", "networks", "speed_law", "pmsm_law", "loss_map", "fixed_point", "export_c", "export_c_pmsm", "dfim_map", "export_c_dfim", "levenberg_one",
-            "encoder", "fuzzy_noise", "operations", "map_rivals",
+            "levenberg_one", "training", "networks", "speed_law", "pmsm_law", "loss_map", "fixed_point", "export_c", "export_c_pmsm",
+            "dfim_map", "export_c_dfim", "encoder", "fuzzy_noise", "operations", "map_rivals",
         ),
     ),
     Layer(
