@@ -6,6 +6,7 @@ locked for ever. Importing starts none under the pins (one thread for BLAS, Open
 a kernel needs one). That is not taken on trust: `SINGLE` says whether it held, and without it kernels are not forked.
 """
 
+import gc
 import importlib
 import multiprocessing
 import os
@@ -66,10 +67,12 @@ def _preload(names):
             importlib.import_module(name)
         except Exception:  # noqa: BLE001, S112 - the notebook that asks for it will say what is wrong
             continue
+    gc.freeze()  # else every fork's first full collection touches, and so copies, all that was imported: 0.5 s a notebook
 
 
 if MODULES in os.environ and sys.path[0] == "":
     del sys.path[0]  # nothing is imported from where the runner was called
 SEARCH_PATH = tuple(sys.path)  # as a Python of its own has it; multiprocessing changes it in the workers
-_preload(filter(None, os.environ.get(MODULES, "").split(",")))
+if MODULES in os.environ:
+    _preload(filter(None, os.environ[MODULES].split(",")))
 SINGLE = MODULES in os.environ and sys.platform == "linux" and single_threaded(patience=2.0)

@@ -18,7 +18,7 @@ JOBS = os.cpu_count() or 1
 
 
 def copy(target):
-    """Copy what a run reads and writes; the code, and numba's cache with it, stays where it is."""
+    """Copy what a run reads and writes; the code that runs, and numba's cache with it, stays where it is."""
     for name in verify.TREE:
         source = paths.root() / name
         shutil.copytree(source, target / name) if source.is_dir() else shutil.copy2(source, target / name)
@@ -43,7 +43,7 @@ def reproduce(tree, *arguments):
     """Return the wall time (s) of our command on a copy."""
     variables = environment.pinned(PYTHONPATH=freshness.PACKAGE.parent, DRIVELIB_ROOT=tree)
     began = time.perf_counter()
-    subprocess.run([sys.executable, "-m", "drivelib", "reproduce", *arguments], env=variables, cwd=tree, check=True, capture_output=True)
+    subprocess.run([sys.executable, "-m", "drivelib", "reproduce", *arguments], env=variables, cwd=tree.parent, check=True, capture_output=True)
     return time.perf_counter() - began
 
 
