@@ -9,6 +9,7 @@ from numba import njit
 
 from drivelib import control, dfim_decoupling
 from drivelib.compiled import OPTIONS
+from drivelib.dfim_plant import turn
 
 # Division by zero gives inf or NaN here, which the loops' bounds catch; a check at each would cost a branch.
 _compensation_terms = njit(**OPTIONS)(dfim_decoupling.compensation_terms)
@@ -112,3 +113,31 @@ def control_sample(i_sd, i_sq, i_rd, i_rq, hat_d, hat_q, omega_m, T_ref, u_sd, u
     u_rd = _pi_integral(u_rd, e_rd, t_rd, v_rd - k_s * v_sd, s.K_ir, a_r, s.period)
     u_rq = _pi_integral(u_rq, e_rq, t_rq, v_rq - k_s * v_sq, s.K_ir, a_r, s.period)
     return Command(omega_s, omega_r, v_sd, v_sq, v_rd, v_rq, w_sd, w_sq, w_rd, w_rq, u_sd, u_sq, u_rd, u_rq)
+
+
+@njit(**OPTIONS, inline="always")
+def voltage_model(hat_d, hat_q, i_rd, i_rq, end_rd, end_rq, end_d, end_q, v_rd, v_rq, c, s_, s):
+    """Return the rotor flux (Wb) that the voltage model estimates a period later.
+
+    Trapezoid of v_r − R_r i_r in the rotor frame, seen from the controller's; the corner ties it to the currents.
+
+    Parameters
+    ----------
+    hat_d, hat_q : float
+        Estimate at the period's start (Wb).
+    i_rd, i_rq, end_rd, end_rq : float
+        Rotor currents at its start and its end (A).
+    end_d, end_q : float
+        Flux that the currents at its end give (Wb).
+    v_rd, v_rq : float
+        Rotor voltage (V), as seen in the middle.
+    c, s_ : float
+        Cosine and sine of half the angle by which the frame turns from the rotor.
+    s : DriveSettings
+    """
+    h = s.period
+    hat_d, hat_q = turn(hat_d - 0.5 * h * s.R_r * i_rd, hat_q - 0.5 * h * s.R_r * i_rq, c, s_)
+    hat_d, hat_q = turn(hat_d + h * v_rd, hat_q + h * v_rq, c, s_)
+    hat_d += -0.5 * h * s.R_r * end_rd + h * s.corner * (end_d - hat_d)
+    hat_q += -0.5 * h * s.R_r * end_rq + h * s.corner * (end_q - hat_q)
+    return hat_d, hat_q

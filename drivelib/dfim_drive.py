@@ -11,7 +11,7 @@ import numpy as np
 from drivelib import control, dfim, metrics
 from drivelib.dfim_control import DriveSettings
 from drivelib.dfim_decoupling import current_references, leakage_inductances
-from drivelib.dfim_loop import CHANNELS, LIMITS, STATES, empty_record, run_drive
+from drivelib.dfim_loop import CHANNELS, LIMITS, NEVER, STATES, empty_record, run_drive
 from drivelib.dfim_scenario import DEFAULT_SCENARIO, FLUX_ESTIMATORS, Scenario
 from drivelib.encoder import sensor
 from drivelib.speed_law import PiSpeed
@@ -107,7 +107,7 @@ def schedule(scenario):
     for j, (profile, column) in enumerate(zip(profiles, samples, strict=True)):
         for row, k in enumerate(changes):
             values[row, j] = profile[np.searchsorted(column, k, side="right") - 1][1]
-    return np.array([*changes, scenario.steps + 2], dtype=np.int64), values
+    return np.array([*changes, NEVER], dtype=np.int64), values
 
 
 def initial_state(scenario):

@@ -12,14 +12,13 @@ this frame they are four independent states; with references that obey (11) the 
 dies out with the currents' errors, the correction with it, and the frame keeps the law's speed.
 """
 
-import math
 import numpy as np
 from numba import njit
 
 from drivelib import metrics
 from drivelib.compiled import OPTIONS
-from drivelib.dfim_control import control_sample
-from drivelib.dfim_plant import averaged_period, turn
+from drivelib.dfim_control import control_sample, voltage_model
+from drivelib.dfim_plant import averaged_period, cos_sin
 from drivelib.encoder import encoder_speed
 from drivelib.pwm import switched_period
 from drivelib.speed_law import WEIGHTED, speed_command, weighted_command
@@ -37,6 +36,7 @@ STATES = (
 )  # fmt: skip
 LIMITS = ("torque", "stator voltage", "rotor voltage", "stator current", "rotor current")
 CURRENT_MODEL, ROTOR_VOLTAGE_MODEL = range(2)
+NEVER = np.iinfo(np.int64).max  # sample of a change that does not come
 
 
 @njit(**OPTIONS)
@@ -52,7 +52,7 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
         Of the motor as it is; ``s`` (DriveSettings) holds what the controller believes.
     speed : SpeedLaw
     changes : int array, shape (m + 1,)
-        Samples at which a profile changes, increasing, ending with one beyond the last sample.
+        Samples at which a profile changes, increasing, ending with ``NEVER``.
     profiles : array, shape (m, 3)
         From each change on: speed reference (rad/s), load torque (N m), factor on the plant's R_r.
     window : tuple of two int
@@ -153,16 +153,12 @@ def run_drive(steps, x, plant, s, speed, changes, profiles, window, every, recor
         theta_m += h * before + gained
 
         if s.estimator == ROTOR_VOLTAGE_MODEL:
-            # Trapezoid of v_r − R_r i_r in the rotor frame, seen from this one; the corner ties it to the currents
             end_rd = plant.Gamma_r * phi_rd - plant.Gamma_m * phi_sd
             end_rq = plant.Gamma_r * phi_rq - plant.Gamma_m * phi_sq
-            co, si = math.cos(0.5 * h * omega_r), math.sin(0.5 * h * omega_r)
-            hat_d, hat_q = turn(hat_d - 0.5 * h * s.R_r * i_rd, hat_q - 0.5 * h * s.R_r * i_rq, co, si)
-            hat_d, hat_q = turn(hat_d + h * v_rd, hat_q + h * v_rq, co, si)
             end_d = s.L_r * end_rd + s.M * (plant.Gamma_s * phi_sd - plant.Gamma_m * phi_rd)
             end_q = s.L_r * end_rq + s.M * (plant.Gamma_s * phi_sq - plant.Gamma_m * phi_rq)
-            hat_d += -0.5 * h * s.R_r * end_rd + h * s.corner * (end_d - hat_d)
-            hat_q += -0.5 * h * s.R_r * end_rq + h * s.corner * (end_q - hat_q)
+            co, si = cos_sin(0.5 * h * omega_r)
+            hat_d, hat_q = voltage_model(hat_d, hat_q, i_rd, i_rq, end_rd, end_rq, end_d, end_q, v_rd, v_rq, co, si, s)
 
         if window[0] <= k < window[1]:
             more = _interval_indices((k - window[0]) * h, h, omega_ref - before, omega_ref - omega_m)

@@ -3,8 +3,8 @@
     table = simulate_many(DEFAULT_SCENARIO.changed(machine=m) for m in machines)
     table["IAE"], table["peak"], table["diverged"]
 
-Drives with PI speed control, averaged inverters and the current model go 64 abreast through ``dfim_lanes``, the
-others one by one through ``dfim_loop``; each drive's numbers are those of ``dfim_drive.simulate``, to the last bit.
+Drives with averaged inverters that know their speed exactly go 64 abreast through ``dfim_lanes``, the others one by one
+through ``dfim_loop``; each drive's numbers are those of ``dfim_drive.simulate``, to the last bit.
 """
 
 import os
@@ -14,10 +14,10 @@ from itertools import islice
 
 import numpy as np
 
-from drivelib import dfim
-from drivelib.dfim_drive import SimulationDiverged, drive_settings, initial_state, schedule, simulate
-from drivelib.dfim_lanes import LANES, ROWS, run_lanes
+from drivelib.dfim_drive import SimulationDiverged, initial_state, schedule, simulate
+from drivelib.dfim_lanes import FAMILIES, LANES
 from drivelib.dfim_loop import LIMITS, STATES
+from drivelib.dfim_pieces import FEW, Drive, Piece, run_block
 from drivelib.dfim_plant import SMALL_ANGLE
 from drivelib.speed_law import PiSpeed
 from drivelib.validation import number
@@ -26,10 +26,6 @@ HITS = tuple(f"first {limit}" for limit in LIMITS)
 COLUMNS = ("IAE", "ISE", "ITAE", "peak", "omega_m", *HITS, "diverged")
 """Indices over the window and its largest |error| (rad/s); final speed (rad/s); time (s) at which each limit was
 first hit and at which the drive diverged, NaN for never. A drive that diverged has NaN in the first five."""
-
-_STATES = tuple(name for name in ROWS[:10])
-_AT = {name: k for k, name in enumerate(ROWS)}
-_NUMBERS = slice(_AT["phi_sd"], _AT["K_i"] + 1)  # states, plant, settings, gains
 
 
 def simulate_many(scenarios, speeds=None, *, window=None, workers=None):
@@ -80,18 +76,15 @@ def study(drives, window=None):
 def block(drives, window=None):
     """Return the table of up to 64 pairs (scenario, speed controller or None)."""
     table = np.full(len(drives), np.nan, dtype=[(name, float) for name in COLUMNS])
-    groups = {}
+    groups, alone = {}, []
     for k, (scenario, speed) in enumerate(drives):
-        suits = speed is None or isinstance(speed, PiSpeed)
-        suits &= scenario.inverter == "averaged" and scenario.substeps == 1 and scenario.flux_estimator == "current model" and scenario.encoder is None
-        groups.setdefault(scenario.steps if suits else None, []).append(k)
-    alone = groups.pop(None, [])
-    for members in groups.values():
-        if len(members) < LANES // 8:  # as fast one by one
-            alone += members
+        law = (PiSpeed(*scenario.speed_gains) if speed is None else speed).law()
+        if scenario.inverter == "averaged" and scenario.substeps == 1 and scenario.encoder is None and law.kind in FAMILIES:
+            groups.setdefault(FAMILIES[law.kind], []).append((k, scenario, law))
         else:
-            left = _abreast([drives[k] for k in members], window, table, members)
-            alone += left
+            alone.append(k)
+    for members in groups.values():
+        alone += _abreast(members, window, table) if len(members) > FEW else [k for k, _, _ in members]
     for k in alone:
         _alone(*drives[k], window, table, k)
     return table
@@ -121,43 +114,25 @@ def _alone(scenario, speed, window, table, row):
         table[name][row] = run.first_hits.get(limit, np.nan)
 
 
-def _abreast(drives, window, table, rows):
-    """Fill the rows of drives with equal numbers of steps; return those that the fast loop is not valid for."""
-    a = np.zeros((len(ROWS), LANES))
-    for name in ROWS:
-        if name.startswith(("hit", "failed")):
-            a[_AT[name]] = -1.0
-    schedules = []
-    for j, (scenario, speed) in enumerate(drives):
-        x = initial_state(scenario)
-        gains = scenario.speed_gains if speed is None else (speed.K_p, speed.K_i)
-        states = [x[STATES.index(name)] for name in _STATES]
-        a[_NUMBERS, j] = (*states, *dfim.coefficients(scenario.machine), *drive_settings(scenario), *gains)
-        a[_AT["first"], j], a[_AT["last"], j] = _samples(scenario, window)
-        schedules.append(schedule(scenario))
-    a[:, len(drives) :] = a[:, :1]  # spare lanes repeat the first drive
-    schedules += schedules[:1] * (LANES - len(drives))
-    changes = np.unique(np.concatenate([own for own, _ in schedules]))
-    profiles = np.empty((len(changes) - 1, 3, LANES))
-    for j, (own, values) in enumerate(schedules):
-        profiles[:, :, j] = values[np.searchsorted(own, changes[:-1], side="right") - 1]
-    flat = a.ravel()
-    run_lanes(drives[0][0].steps, flat, changes, profiles)
-
+def _abreast(members, window, table):
+    """Fill the rows of (row, scenario, law); return those that the fast loop is not valid for."""
+    members = sorted(members, key=lambda member: -member[1].steps)
+    pieces = [Piece(Drive.of(scenario), law, initial_state(scenario), (*schedule(scenario), scenario.steps)) for _, scenario, law in members]
+    result, _, final = run_block(pieces, windows=[_samples(scenario, window) for _, scenario, _ in members])
     left = []
-    for j, row in enumerate(rows):
-        h = drives[j][0].period
-        result = {name: a[k, j] for name, k in _AT.items()}
-        if not result["turned"] <= SMALL_ANGLE:
+    for j, (row, scenario, _) in enumerate(members):
+        h = scenario.period
+        if not result["turned"][j] <= SMALL_ANGLE:
             left.append(row)
             continue
-        if result["failed"] >= 0:
-            table["diverged"][row] = result["failed"] * h
+        if 0 <= result["failed"][j] <= scenario.steps:
+            table["diverged"][row] = result["failed"][j] * h
             continue
-        for name, lane in zip(COLUMNS, ("iae", "ise", "itae", "peak", "omega_m"), strict=False):
-            table[name][row] = result[lane]
+        values = (*(result[name][j] for name in ("iae", "ise", "itae", "peak")), final[j, STATES.index("omega_m")])
+        for name, value in zip(COLUMNS, values, strict=False):
+            table[name][row] = value
         for name, lane in zip(HITS, ("hit_T", "hit_v_s", "hit_v_r", "hit_i_s", "hit_i_r"), strict=True):
-            table[name][row] = result[lane] * h if result[lane] >= 0 else np.nan
+            table[name][row] = result[lane][j] * h if 0 <= result[lane][j] < scenario.steps else np.nan
     return left
 
 

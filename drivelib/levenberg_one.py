@@ -14,6 +14,7 @@ from numba import njit
 from drivelib.compiled import OPTIONS
 from drivelib.neural import Network, Range, nguyen_widrow
 from drivelib.normal_equations import dot, normal_one, workspace
+from drivelib.sigmoid import LOGISTIC, TANH, sigmoid
 from drivelib.validation import array, choice, number
 
 STOPS = ("goal", "gradient", "validation", "epochs", "mu")
@@ -97,14 +98,16 @@ def fit(x, t, n_hidden, rng, *, activation="tanh", goal=0.0, stop_at_goal=True, 
 def _errors(x, t, counts, theta, n_hidden, logistic, hidden, errors):
     """Fill hidden values (n_hidden, n) and errors (n_out, n); return the sum of squares."""
     n_in, n = x.shape
-    first, total = n_hidden * (n_in + 1), 0.0
+    first, total, slope = n_hidden * (n_in + 1), 0.0, LOGISTIC if logistic else TANH
     for j in range(n_hidden):
         row, h = j * (n_in + 1), hidden[j]
         for m in range(n):
-            z = theta[row + n_in]
-            for i in range(n_in):
-                z += theta[row + i] * x[i, m]
-            h[m] = 1.0 / (1.0 + math.exp(-z)) if logistic else math.tanh(z)
+            h[m] = theta[row + n_in]
+        for i in range(n_in):
+            for m in range(n):
+                h[m] += theta[row + i] * x[i, m]
+        for m in range(n):
+            h[m] = sigmoid(h[m], slope)
     for k in range(t.shape[0]):
         row, e = first + k * (n_hidden + 1), errors[k]
         for m in range(n):

@@ -6,7 +6,6 @@ and its prose), a static network as torque and as torque per sample. The fuzzy r
 and load observer, needs more than the error and has a function of its own.
 """
 
-import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -16,10 +15,10 @@ from numba import njit
 from drivelib import control
 from drivelib.compiled import OPTIONS
 from drivelib.fuzzy import fuzzy_output
+from drivelib.sigmoid import LOGISTIC, TANH, sigmoid
 from drivelib.validation import array, choice, number
 
 PI, FUZZY_POSITION, FUZZY_INCREMENTAL, NETWORK, NETWORK_INCREMENTAL, WEIGHTED = range(6)
-TANH, LOGISTIC = range(2)
 ACTIVATIONS = {"tanh": TANH, "logistic": LOGISTIC}
 
 _clip = njit(**OPTIONS)(control.clip)
@@ -40,7 +39,7 @@ class SpeedLaw(NamedTuple):
     B1: np.ndarray
     W2: np.ndarray
     B2: float
-    activation: int
+    activation: float
     weight: float
     pole: float
     J: float
@@ -60,18 +59,16 @@ def _law(kind, K_p=0.0, K_i=0.0, K_e=0.0, K_de=0.0, K_u=0.0, W1=None, B1=None, W
 @njit(**OPTIONS)
 def network_output(law, e, de, integral):
     """Return W2 · act(W1 x + B1) + B2 for the input x, the first columns of (e, Δe, ∫e dt) that W1 takes."""
-    u = law.B2
-    columns = law.W1.shape[1]
-    for j in range(law.W1.shape[0]):
+    u, columns, hidden = law.B2, law.W1.shape[1], np.empty(law.B1.size)
+    for j in range(hidden.size):  # apart from the sum, whose order stands: so the vector units take the sigmoids
         a = law.B1[j] + law.W1[j, 0] * e
         if columns > 1:
             a += law.W1[j, 1] * de
         if columns > 2:
             a += law.W1[j, 2] * integral
-        if law.activation == TANH:
-            u += law.W2[j] * math.tanh(a)
-        else:
-            u += law.W2[j] / (1.0 + math.exp(-a))
+        hidden[j] = sigmoid(a, law.activation)
+    for j in range(hidden.size):
+        u += law.W2[j] * hidden[j]
     return u
 
 
@@ -82,12 +79,16 @@ def _rule_or_network(law, e, e_previous, memory, T_previous, T_limit, period):
         asked = law.K_u * fuzzy_output(law.K_e * e, law.K_de * de)
     else:
         asked = network_output(law, e, de, memory)
-    if law.kind == FUZZY_INCREMENTAL or law.kind == NETWORK_INCREMENTAL:
-        # The command itself is the integral, so limiting it is the whole anti-windup.
-        asked += T_previous
+    return limited(law.kind, asked, e, memory, T_previous, T_limit, period)
+
+
+@njit(**OPTIONS)
+def limited(kind, asked, e, memory, T_previous, T_limit, period):
+    """Return what ``speed_command`` does, of a fuzzy or neural controller whose output is ``asked``."""
+    # The command itself is the integral of an incremental one, so limiting it is the whole anti-windup.
+    asked += T_previous if kind == FUZZY_INCREMENTAL or kind == NETWORK_INCREMENTAL else 0.0
     torque = _clip(asked, T_limit)
-    if torque == asked:  # ∫e waits while the torque is at its limit
-        memory += period * e
+    memory += period * e if torque == asked else 0.0  # ∫e waits while the torque is at its limit
     return torque, asked, memory
 
 

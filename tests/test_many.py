@@ -8,7 +8,8 @@ from drivelib.dfim_drive import SimulationDiverged, simulate
 from drivelib.dfim_loop import LIMITS
 from drivelib.dfim_machines import DFIM_4KW
 from drivelib.dfim_scenario import DEFAULT_SCENARIO
-from drivelib.speed_law import FuzzySpeed, NetworkSpeed, PiSpeed
+from drivelib.encoder import Encoder
+from drivelib.speed_law import FuzzySpeed, NetworkSpeed, PiSpeed, WeightedPiSpeed
 
 SHORT = DEFAULT_SCENARIO.changed(duration=0.25, speed_reference=((0.0, 60.0),), load_torque=((0.0, 0.0), (0.1, 20.0)))
 
@@ -57,13 +58,16 @@ def test_neither_order_nor_workers_nor_neighbours_matter():
     assert dfim_many.simulate_many(scenarios[20:47]).tobytes() == whole[20:47].tobytes()
 
 
-def test_kinds_that_do_not_go_abreast_go_alone():
+def test_every_kind_has_the_bits_it_has_alone():
+    """Controllers and flux estimates mixed, and drives that must go alone among them; runs of two lengths."""
     network = NetworkSpeed(np.array([[0.05]]), np.zeros(1), np.array([40.0]))
-    speeds = [None, PiSpeed(3.0, 20.0), FuzzySpeed(0.1, 2.0, 30.0), network, None, None]
+    weighted = WeightedPiSpeed(3.0, 20.0, 0.5, 0.9, 0.2)
+    speeds = [None, PiSpeed(3.0, 20.0), FuzzySpeed(0.1, 2.0, 30.0), network, None, None, weighted, None] * 6
     voltage = SHORT.changed(flux_estimator="rotor voltage model")
-    scenarios = [SHORT, SHORT, SHORT, SHORT, SHORT.changed(inverter="switching"), voltage] + [SHORT] * 20
-    table = numbers(dfim_many.simulate_many(scenarios, speeds + [None] * 20))
-    expected = [alone(s, v) for s, v in zip(scenarios, speeds + [None] * 20, strict=True)]
+    other = [SHORT.changed(inverter="switching"), voltage, SHORT, SHORT.changed(encoder=Encoder()), SHORT.changed(duration=0.2), voltage, SHORT, SHORT]
+    scenarios = other[::-1] * 6
+    table = numbers(dfim_many.simulate_many(scenarios, speeds))
+    expected = [alone(s, v) for s, v in zip(scenarios, speeds, strict=True)]
     assert np.array_equal(table, expected, equal_nan=True)
 
 

@@ -29,7 +29,7 @@ LAYERS = (
         "Control",
         "PI controllers by pole placement, the Mamdani controller in closed form, networks and their training.",
         (
-            "control", "fuzzy", "fuzzy_facts", "fuzzy_reference", "fuzzy_sets", "neural", "normal_equations", "neural_batch", "levenberg",
+            "control", "sigmoid", "fuzzy", "fuzzy_facts", "fuzzy_reference", "fuzzy_sets", "neural", "normal_equations", "neural_batch", "levenberg",
             "levenberg_one", "training", "networks", "speed_law", "pmsm_law", "loss_map", "fixed_point", "export_c", "export_c_pmsm",
             "dfim_map", "export_c_dfim", "encoder", "fuzzy_noise", "operations", "map_rivals",
         ),
@@ -38,7 +38,7 @@ LAYERS = (
         "Time",
         "Compiled drive loops with averaged or switching inverters, one or many.",
         (
-            "dfim_plant", "pwm", "dfim_control", "dfim_loop", "dfim_lanes", "dfim_many", "ensemble", "shards", "space",
+            "dfim_plant", "pwm", "dfim_control", "dfim_loop", "dfim_lanes", "dfim_pieces", "dfim_many", "ensemble", "shards", "space",
             "dfim_scenario", "dfim_drive", "pmsm_plant", "pmsm_scenario", "pmsm_loop", "pmsm_drive", "ann_data", "contest",
             "table2_fit", "misprints_drive", "robustness", "robustness_steady", "robustness_ipmsm", "robustness_spmsm",
             "robustness_dfim", "robustness_ann", "robustness_contest", "robustness_scope", "tuning", "fair_networks",

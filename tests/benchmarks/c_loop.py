@@ -42,8 +42,8 @@ class Inputs:
         begin, end = (0.0, first.duration) if window is None else window
         self.window = round(begin / h), round(end / h)
         schedules = [dfim_drive.schedule(s) for s in scenarios]
-        self.changes = schedules[0][0].astype(np.int32)
-        if any(not np.array_equal(self.changes, changes) for changes, _ in schedules):
+        self.changes = np.minimum(schedules[0][0], np.iinfo(np.int32).max).astype(np.int32)
+        if any(not np.array_equal(schedules[0][0], changes) for changes, _ in schedules):
             raise ValueError("scenarios change their profiles at different samples: the C loop takes one schedule")
         self.profiles = np.ascontiguousarray(np.stack([values for _, values in schedules], axis=-1))
         settings = [dfim_drive.drive_settings(s) for s in scenarios]
