@@ -47,6 +47,9 @@ class Study:
         none, and the sum of the ``FLAGS`` that say why. Importable, for processes and clusters.
     labels : dict of str to str
         What readers call an assumption, with its unit in brackets.
+    together : callable, optional
+        With it ``measure`` is a generator: it yields lists of what it needs and is sent the answers. ``together`` answers such a list
+        for many draws at once; an answer must not depend on what else is asked.
     """
 
     name: str
@@ -54,6 +57,7 @@ class Study:
     claims: tuple
     measure: object
     labels: dict = field(default_factory=dict)
+    together: object = None
 
     @property
     def columns(self):
@@ -82,8 +86,44 @@ class Row:
 
 def one_draw(study, rng):
     """Return the columns of one draw: the function that an ensemble evaluates."""
-    values = study.space.draw(rng)
-    measures, flag = study.measure(values, rng)
+    (row,) = some_draws(study, [rng])
+    return row
+
+
+def some_draws(study, rngs):
+    """Return the columns of some draws, a row each: the same for a study that answers many draws together."""
+    values = [study.space.draw(rng) for rng in rngs]
+    return [_row(study, *one) for one in zip(values, measured(study, values, rngs), strict=True)]
+
+
+def measured(study, values, rngs):
+    """Return [(measures, flags)] of draws with these values of the assumptions."""
+    found = [study.measure(*one) for one in zip(values, rngs, strict=True)]
+    return _in_step(found, study.together) if study.together else found
+
+
+def _in_step(generators, together):
+    """Return what the generators return; they go on in step, and what all of them ask for is answered at once."""
+    returned, asked = [None] * len(generators), {}
+
+    def go_on(k, answers):
+        try:
+            asked[k] = generators[k].send(answers)
+        except StopIteration as end:
+            returned[k] = end.value
+
+    for k in range(len(generators)):
+        go_on(k, None)
+    while asked:
+        now, asked = asked, {}
+        answers = iter(together([one for wanted in now.values() for one in wanted]))
+        for k, wanted in now.items():
+            go_on(k, [next(answers) for _ in wanted])
+    return returned
+
+
+def _row(study, values, found):
+    measures, flag = found
     unknown = set(measures) - set(study.claims)
     if unknown:
         raise ValueError(f"study {study.name}: measures {', '.join(sorted(unknown))}, which are not among its claims")
@@ -97,7 +137,8 @@ def run(study, draws, seed, **options):
     Draw k is the same for any executor, order and shard size.
     """
     version = f"numpy {np.__version__}, numba {numba.__version__}"
-    return evaluate(draws, partial(one_draw, study), study.columns, seed=seed, **{"shard_size": 100, "version": version, **options})
+    function, batched = (some_draws, True) if study.together else (one_draw, False)
+    return evaluate(draws, partial(function, study), study.columns, seed=seed, batched=batched, **{"shard_size": 100, "version": version, **options})
 
 
 def processes(workers=None):

@@ -17,7 +17,7 @@ def measures(scenario, runs):
     ----------
     scenario : Scenario
     runs : dict
-        (controller, "nominal" or "increased") to the pair (load's coming, reversal) of ``robustness_dfim.Part``; (controller, "held") to
+        (controller, "nominal" or "increased") to the pair (load's coming, reversal) of ``dfim_pieces.Part``; (controller, "held") to
         the whole hold; "switching" to the loaded ANN's pair of runs with averaged and switching inverters.
     """
     held = {name: _under_load(scenario, runs[name, "held"]) for name in CONTROLLERS if (name, "held") in runs}

@@ -9,13 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drivelib import ann_data, contest, control, dfim, metrics, robustness_ann, robustness_contest, table2
-from drivelib.dfim_control import DriveSettings
-from drivelib.dfim_drive import SimulationDiverged, drive_settings, initial_state
-from drivelib.dfim_loop import CHANNELS, LIMITS, STATES, empty_record, run_drive
+from drivelib import ann_data, contest, control, robustness_ann, robustness_contest, table2
+from drivelib.dfim_drive import SimulationDiverged, initial_state
+from drivelib.dfim_loop import NEVER, STATES
 from drivelib.dfim_machines import DFIM_SETS
-from drivelib.dfim_scenario import DEFAULT_SCENARIO, FLUX_ESTIMATORS, Scenario
-from drivelib.encoder import Sensor, sensor
+from drivelib.dfim_pieces import Drive, Piece, alone, joined, together
+from drivelib.dfim_scenario import DEFAULT_SCENARIO, FLUX_ESTIMATORS
 from drivelib.robustness import DIVERGED, NETWORK, Study
 from drivelib.space import Space, Span, open_values
 from drivelib.speed_law import PiSpeed
@@ -28,7 +27,6 @@ AFTER = 0.2  # s, the same with R_r increased: the torque has reversed by then
 NOISE_STEP = 0.01  # s, for which the load's fluctuation holds one value
 RIPPLE = 0.04  # s, with switching inverters
 R_R_FACTOR = 1.5
-NEVER = np.iinfo(np.int64).max  # sample of a change that does not come
 OPEN = open_values(DEFAULT_SCENARIO, ["xi", "phi_r_ref", "V_dc_s"])
 
 
@@ -101,86 +99,11 @@ CLAIMS = tuple(
 )
 
 
-KEPT = ("omega_ref", "omega_m", "phi_rd", "phi_rq")  # channels that some measure reads
-_ROWS = [CHANNELS.index(name) for name in KEPT]
-
-
-class Part(NamedTuple):
-    """A piece of a run: the ``KEPT`` channels (4, n), ErrorIndices and final state (16,)."""
-
-    channels: np.ndarray
-    indices: metrics.ErrorIndices
-    x: np.ndarray
-
-    def __getitem__(self, channel):
-        return self.channels[KEPT.index(channel)]
-
-    @property
-    def error(self):
-        """Speed error Ω* − Ω (rad/s)."""
-        return self["omega_ref"] - self["omega_m"]
-
-
 def scenario_of(values):
     """Return the Scenario of a draw; loads and set points come with ``profiles_of``."""
     machine = DFIM_SETS[values["machine"]]
     taken = {name: values[name] for name in ("omega_n", "xi", "current_bandwidth", "period", "phi_r_ref", "frequency_law", "flux_estimator", "carrier_frequency")}
     return DEFAULT_SCENARIO.changed(machine=machine, T_limit=values["T_limit"] * machine.T_rated, V_dc_s=values["V_dc"], V_dc_r=values["V_dc"], **taken)
-
-
-class Drive(NamedTuple):
-    """One drawn drive as the compiled loop takes it: scenario, plant and settings, worked out once for all its runs."""
-
-    scenario: Scenario
-    plant: dfim.DfimCoefficients
-    settings: DriveSettings
-    sensor: Sensor
-
-    @classmethod
-    def of(cls, scenario):
-        return cls(scenario, dfim.coefficients(scenario.machine), drive_settings(scenario), sensor(None, 0, scenario.period))
-
-
-def go_on(drive, law, x, profiles, *, inverter="averaged"):
-    """Run a drive on from state ``x`` through profiles given in pieces.
-
-    Parameters
-    ----------
-    drive : Drive
-    law : speed_law.SpeedLaw
-    x : array, shape (16,)
-        State, in the order of ``dfim_loop.STATES``; not changed.
-    profiles : tuple (changes, values, steps)
-        Samples (m + 1,) from which the values (m, 3) act, the last one ``NEVER``: set point (rad/s), load (N m), factor on R_r; and
-        the number of periods.
-
-    Returns
-    -------
-    Part
-
-    Raises
-    ------
-    SimulationDiverged
-        If the state leaves all bounds.
-    """
-    changes, values, steps = profiles
-    scenario, settings = drive.scenario, drive.settings
-    if inverter == "switching":
-        settings = settings._replace(carrier_frequency=scenario.carrier_frequency)
-    x, record, indices = x.copy(), empty_record(steps, 1), np.zeros(4)
-    hits = np.full(len(LIMITS), -1, dtype=np.int64)
-    failed = run_drive(steps, x, drive.plant, settings, law, changes, values, (0, steps), 1, record, indices, hits, drive.sensor)
-    if failed >= 0:
-        raise SimulationDiverged(scenario, failed * scenario.period, dict(zip(STATES, x.tolist(), strict=True)))
-    return Part(record.T[_ROWS], metrics.ErrorIndices(*indices[:3].tolist(), steps * scenario.period), x)
-
-
-def joined(first, second):
-    """Return two pieces that follow one another as one `Part`; the first one's last sample is the second one's first."""
-    a, b = first.indices, second.indices
-    later = b.ITAE + a.horizon * b.IAE
-    indices = metrics.ErrorIndices(a.IAE + b.IAE, a.ISE + b.ISE, a.ITAE + later, a.horizon + b.horizon)
-    return Part(np.concatenate([first.channels[:, :-1], second.channels], axis=1), indices, second.x)
 
 
 def settled_state(scenario):
@@ -232,11 +155,11 @@ def study(pi_row, ann_row):
     pi_row, ann_row : table2.Printed
         Rows of table II, which say how stiff a static map would have to be.
     """
-    return Study("Zidani", SPACE, CLAIMS, Measure(pi_row, ann_row), LABELS)
+    return Study("Zidani", SPACE, CLAIMS, Measure(pi_row, ann_row), LABELS, together)
 
 
 class Measure(NamedTuple):
-    """``measure(values, rng)`` of the study; see ``study``."""
+    """``measure(values, rng)`` of the study, a generator that asks for runs of drives in pieces; see ``study``."""
 
     pi_row: table2.Printed
     ann_row: table2.Printed
@@ -248,43 +171,46 @@ class Measure(NamedTuple):
         fitted = robustness_ann.trained(error, command, rng, activation=values["activation"], noise=values["data_noise"])
         some = slice(rng.integers(4), None, 4)  # a quarter of the record is enough for a share of variance
         found = {"zidani/fig06/function": 100 * ann_data.unexplained_share(error[some], command[some], values["resolution"])}
-        flag = 0
+        flag, laws = 0, laws_of(values, scenario, fitted.network)
         if fitted.stop not in ("validation", "gradient"):
             flag |= NETWORK
+            del laws["ANN"]
         else:
             found["zidani/fig08"] = fitted.fall
-        one, start = Drive.of(scenario), settled_state(scenario)
-        laws, profiles, runs = laws_of(values, scenario, fitted.network), profiles_of(values, scenario, rng), {}
-        for name, law in laws.items():
-            if name == "ANN" and flag & NETWORK:
-                continue
-            try:
-                for resistance in ("nominal", "increased"):
-                    onset = go_on(one, law, start, profiles["onset", resistance])
-                    runs[name, resistance] = onset, go_on(one, law, onset.x, profiles["reversal", resistance])
-                rest = go_on(one, law, runs[name, "nominal"][0].x, profiles["hold", "nominal"])
-                runs[name, "held"] = joined(runs[name, "nominal"][0], rest)
-                if name == "ANN":
-                    short = (*profiles["hold", "nominal"][:2], round(RIPPLE / scenario.period))
-                    runs["switching"] = [go_on(one, law, rest.x, short, inverter=kind) for kind in ("averaged", "switching")]
-            except SimulationDiverged:
-                flag |= DIVERGED
-        found |= robustness_contest.measures(scenario, runs)
+        one, start, profiles = Drive.of(scenario), settled_state(scenario), profiles_of(values, scenario, rng)
         a = table2.member(*(value for value, _ in self.pi_row[:2]), scenario.xi).a
         needed = table2.stiffness(self.ann_row, a) * scenario.machine.J
+
+        onset = {(name, kind): Piece(one, law, start, profiles["onset", kind]) for name, law in laws.items() for kind in ("nominal", "increased")}
+        *answers, stiff = yield [*onset.values(), _stiff(one, needed, start)]
+        onset = {key: part for key, part in zip(onset, answers, strict=True) if part is not None}
+        later = {(name, kind): Piece(one, laws[name], part.x, profiles["reversal", kind]) for (name, kind), part in onset.items()}
+        later |= {(name, "held"): Piece(one, laws[name], part.x, profiles["hold", kind]) for (name, kind), part in onset.items() if kind == "nominal"}
+        later = dict(zip(later, (yield list(later.values())), strict=True))
+        runs = {}
+        for name, law in laws.items():
+            if any(later.get((name, kind)) is None for kind in ("nominal", "increased", "held")):
+                flag |= DIVERGED
+                continue
+            for kind in ("nominal", "increased"):
+                runs[name, kind] = onset[name, kind], later[name, kind]
+            runs[name, "held"] = joined(onset[name, "nominal"], later[name, "held"])
+            if name == "ANN":
+                short = (*profiles["hold", "nominal"][:2], round(RIPPLE / scenario.period))
+                try:
+                    runs["switching"] = [alone(Piece(one, law, later[name, "held"].x, short), inverter=kind) for kind in ("averaged", "switching")]
+                except SimulationDiverged:
+                    flag |= DIVERGED
+        found |= robustness_contest.measures(scenario, runs)
         # Bisection would cost ten runs for a number of which only the side of one is used.
-        found["zidani/tab02/static"] = 2.0 if _swings(one, PiSpeed(needed, 0.0).law(), start) else 0.5
+        found["zidani/tab02/static"] = 2.0 if stiff is None or swings(stiff.error) else 0.5
         if ("ANN", "held") in runs:
             left = runs["ANN", "held"].error[-1]
             found["zidani/tab02/static/trained"] = values["load"] * scenario.machine.T_rated / max(left, 1e-6) / needed
         return found, flag
 
 
-def _swings(drive, law, start):
-    """Return whether a stiff map keeps oscillating after a load step, as ``table2_fit.rings`` asks it."""
-    scenario = drive.scenario
-    load = np.array([[SET_POINT, 0.1 * scenario.T_limit, 1.0]])
-    try:
-        return swings(go_on(drive, law, start, (np.array([0, NEVER]), load, round(0.5 / scenario.period))).error)
-    except SimulationDiverged:
-        return True
+def _stiff(drive, K_p, start):
+    """Return the `Piece` by which ``table2_fit.rings`` would ask whether a static map of this stiffness keeps oscillating."""
+    load = np.array([[SET_POINT, 0.1 * drive.scenario.T_limit, 1.0]])
+    return Piece(drive, PiSpeed(K_p, 0.0).law(), start, (np.array([0, NEVER]), load, round(0.5 / drive.scenario.period)))

@@ -6,18 +6,25 @@ import signal
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from drivelib import ann_data, ledger, metrics, paths, robustness, robustness_ann, robustness_dfim, robustness_ipmsm, robustness_scope, robustness_spmsm, robustness_steady, table2
-from drivelib.dfim_drive import SimulationDiverged, simulate
+from drivelib import (
+    ann_data, dfim_pieces, ledger, metrics, paths, robustness, robustness_ann, robustness_dfim, robustness_ipmsm, robustness_scope, robustness_spmsm,
+    robustness_steady, table2,
+)  # fmt: skip
+from drivelib.dfim_drive import simulate
+from drivelib.dfim_loop import NEVER, STATES
+from drivelib.dfim_pieces import Drive, Piece
 from drivelib.dfim_scenario import DEFAULT_SCENARIO
 from drivelib.ensemble import EnsembleError, generator
 from drivelib.robustness import DIVERGED, NETWORK, REACH, Study, run, summary
 from drivelib.space import Space, Span
+from drivelib.speed_law import PiSpeed
 
 CLAIMS = {id_: claim for paper in ("eskander", "zidani") for id_, claim in ledger.papers()[paper].claims.items()}
 ROWS = {
@@ -27,7 +34,7 @@ ROWS = {
 DFIM = robustness_dfim.study(ROWS["pi"], ROWS["ann"])
 STUDIES = (robustness_steady.STUDY, robustness_ipmsm.STUDY, robustness_spmsm.STUDY, DFIM)
 ONE = ThreadPoolExecutor(1)
-ALWAYS = np.array([0, robustness_dfim.NEVER])  # one value from the first sample on
+ALWAYS = np.array([0, NEVER])  # one value from the first sample on
 
 
 def published(item, claim):
@@ -175,26 +182,26 @@ def test_a_network_that_did_not_converge_is_flagged(monkeypatch):
     monkeypatch.setattr(robustness_ann, "EPOCHS", 1)
     found, flag = robustness_ipmsm.measure(drawn(robustness_ipmsm.STUDY), generator(6, 0))
     assert flag == NETWORK and found == {"eskander/fig05": robustness_ipmsm.NEVER}
-    found, flag = DFIM.measure(drawn(DFIM), generator(6, 0))
+    ((found, flag),) = robustness.measured(DFIM, [drawn(DFIM)], [generator(6, 0)])
     assert flag == NETWORK and "zidani/end-2" not in found and "zidani/fig10/pi" in found and "zidani/fig10/flc" in found
 
 
-def test_a_drive_that_diverges_is_flagged(monkeypatch):
-    def go_on(drive, law, *arguments, **options):
-        if law.K_u > 0:  # the fuzzy controller
-            raise SimulationDiverged(drive.scenario, 0.1, dict.fromkeys(("omega_m", "phi_sd", "phi_sq", "phi_rd", "phi_rq"), np.nan))
-        return original(drive, law, *arguments, **options)
+@pytest.mark.parametrize("when", ["onset", "later"])
+def test_a_drive_that_diverges_is_flagged_and_harms_no_other(when):
+    """The fuzzy drive of the first of two draws is lost: at the load's coming, or after it."""
 
-    original = robustness_dfim.go_on
-    monkeypatch.setattr(robustness_dfim, "go_on", go_on)
-    found, flag = DFIM.measure(drawn(DFIM), generator(6, 0))
+    def together(pieces):
+        ours = dfim_pieces.together(pieces)
+        lost = [k for k, piece in enumerate(pieces) if piece.law.K_u > 0 and (piece.x[STATES.index("T_previous")] == start) == (when == "onset")]
+        for k in lost[:1]:
+            ours[k] = None
+        return ours
+
+    values, rngs = [drawn(DFIM)] * 2, [generator(6, k) for k in (0, 1)]
+    start = robustness_dfim.settled_state(robustness_dfim.scenario_of(values[0]))[STATES.index("T_previous")]
+    (found, flag), second = robustness.measured(replace(DFIM, together=together), values, rngs)
     assert flag == DIVERGED and "zidani/end-2" in found and "zidani/end-3" not in found and "zidani/end-1" not in found
-    one = robustness_dfim.Drive.of(DEFAULT_SCENARIO)
-    x = robustness_dfim.settled_state(DEFAULT_SCENARIO)
-    x[0] = 1e6
-    monkeypatch.undo()
-    with pytest.raises(SimulationDiverged):
-        robustness_dfim.go_on(one, robustness_dfim.PiSpeed(1.0, 1.0).law(), x, (ALWAYS, np.array([[30.0, 0.0, 1.0]]), 100))
+    assert second == robustness.measured(DFIM, values[1:], [generator(6, 1)])[0]
 
 
 @pytest.mark.parametrize(
@@ -221,16 +228,15 @@ def test_at_the_figures_own_values_the_study_measures_what_the_figure_measured(i
 
 def test_the_drive_started_at_its_set_point_answers_the_load_as_one_that_has_run_up():
     scenario = DEFAULT_SCENARIO.changed(duration=2.5, speed_reference=((0.0, 30.0),), load_torque=((0.0, 0.0), (2.0, 20.0)))
-    one, steps = robustness_dfim.Drive.of(scenario), round(0.5 / scenario.period)
-    law = robustness_dfim.PiSpeed(*scenario.speed_gains).law()
-    profile = (ALWAYS, np.array([[30.0, 20.0, 1.0]]), steps)
-    part = robustness_dfim.go_on(one, law, robustness_dfim.settled_state(scenario), profile)
+    steps, x = round(0.5 / scenario.period), robustness_dfim.settled_state(scenario)
+    whole = Piece(Drive.of(scenario), PiSpeed(*scenario.speed_gains).law(), x, (ALWAYS, np.array([[30.0, 20.0, 1.0]]), steps))
+    part = dfim_pieces.alone(whole)
     run_up = simulate(scenario)
     # The settled state leaves out the current that 0.03 N m of friction take: 1.5e-4 rad/s in the first milliseconds.
     np.testing.assert_allclose(part["omega_m"], run_up["omega_m"][-steps - 1 :], rtol=0, atol=3e-4)
-    halves = [(ALWAYS, np.array([[30.0, 20.0, 1.0]]), steps // 2)] * 2
-    first = robustness_dfim.go_on(one, law, robustness_dfim.settled_state(scenario), halves[0])
-    both = robustness_dfim.joined(first, robustness_dfim.go_on(one, law, first.x, halves[1]))
+    half = whole._replace(profiles=(*whole.profiles[:2], steps // 2))
+    first = dfim_pieces.alone(half)
+    both = dfim_pieces.joined(first, dfim_pieces.alone(half._replace(x=first.x)))
     np.testing.assert_array_equal(both["omega_m"], part["omega_m"])
     t = scenario.period * np.arange(steps + 1)
     expected = metrics.error_indices(t, part["omega_ref"], part["omega_m"])
