@@ -56,6 +56,8 @@ def rows(repetitions):
     functions = {
         "pi": loop(DRIVE), "fuzzy": loop(DRIVE, FUZZY), "network": loop(DRIVE, NETWORK), "pwm": loop(switching),
         "lanes": lambda: dfim_many.block([(scenario, None) for scenario in many]),
+        "fuzzy lanes": lambda: dfim_many.block([(scenario, FUZZY) for scenario in many]),
+        "network lanes": lambda: dfim_many.block([(scenario, NETWORK) for scenario in many]),
     }  # fmt: skip
     if c_loop.available():
         with tempfile.TemporaryDirectory() as folder:
@@ -77,6 +79,9 @@ def rows(repetitions):
             return Row(what, label, limit=limit, note="no C compiler")
         return Row(what, label, pairs(times[name], times[reference], units), limit=limit, **step)
 
+    def abreast(what, name):
+        return Row(what, "one by one", pairs(times[f"{name} lanes"], [LANES * t for t in times[name]], steps * LANES), "faster", **step)
+
     return [
         against_c("DFIM loop, averaged, per step", "pi", 1.3),
         against_c("the same", "pi", None, "haswell free"),
@@ -86,6 +91,8 @@ def rows(repetitions):
         Row("with switching PWM", "our averaged loop", pairs(times["pwm"], times["pi"], steps), limit=10, **step),
         against_c("64 drives abreast, per step and drive, preparation included", "lanes", 2, "haswell simd", steps * LANES),
         against_c("the same", "lanes", None, "native simd", steps * LANES),
+        abreast("64 drives abreast with the fuzzy controller", "fuzzy"),
+        abreast("64 drives abreast with a network of 15 neurons", "network"),
         *ensemble_rows(repetitions),
     ]
 
