@@ -50,7 +50,7 @@ L = LANES
 
 
 class Laws(NamedTuple):
-    """``SpeedLaw``s of one family and up to 64 drives (n): numbers of shape (64,), networks (3, neurons, 64), (neurons, 64) twice.
+    """Speed controllers of one family: numbers of shape (64,), networks W1 (3, neurons, 64), B1 and W2 (neurons, 64).
 
     Networks are filled up with inputs and neurons of weight zero, which change no bit.
     """
@@ -71,7 +71,7 @@ class Laws(NamedTuple):
 
 @njit(**OPTIONS)
 def run_lanes(a, ends, at, changes, profiles, laws, record, final):
-    """Run 64 drives, each for its own number of control periods.
+    """Run up to 64 drives, each for its own number of control periods.
 
     Parameters
     ----------
@@ -79,7 +79,8 @@ def run_lanes(a, ends, at, changes, profiles, laws, record, final):
         State, parameters and results in the order of ROWS; holds the results afterwards. ``peak`` is the largest
         error (rad/s, unsigned) at the samples of the window. ``hit_…`` and ``failed``: the sample at which a limit
         was first hit and the state first out of bounds, −1 for never, and not meant from a drive's end on; ``turned``: the
-        largest angle (rad) by which the frame turned in half a period, beyond SMALL_ANGLE the drive's results are not valid.
+        largest angle (rad) by which the frame turned in half a period, beyond SMALL_ANGLE the drive's results are not valid
+        (also where that came after the drive's end, which costs a repetition and no bit).
     ends : int array, shape (n,)
         Numbers of periods of n drives, the largest first.
     at : int array, shape (n,)
@@ -91,7 +92,7 @@ def run_lanes(a, ends, at, changes, profiles, laws, record, final):
     laws : Laws
         Speed controllers.
     record : array, shape (n, 4, ends[0] + 1), or (0, 0, 0) for none
-        Channels KEPT at each sample of each drive.
+        Channels KEPT at each sample of each drive, until its end.
     final : array, shape (n, 16)
         State of each drive at its end, in the order of STATES.
     """
@@ -157,12 +158,12 @@ def _networks(a, laws, live):
 
 
 @njit(**OPTIONS)
-def _period(a, now, live, voltage):
+def _period(a, now, count, voltage):
     """Take the first drives through one period: control behind the torque reference, motor, indices and limits.
 
     With ``voltage`` None the compiler leaves the voltage model out, a tenth of the time.
     """
-    for j in range(live):
+    for j in range(count):
         c = DfimCoefficients(
             a[PLANT + j], a[PLANT + L + j], a[PLANT + 2 * L + j], a[PLANT + 3 * L + j], a[PLANT + 4 * L + j],
             a[PLANT + 5 * L + j], a[PLANT + 6 * L + j], a[PLANT + 7 * L + j], a[PLANT + 8 * L + j],
@@ -214,7 +215,9 @@ def _period(a, now, live, voltage):
         end_rd, end_rq = c.Gamma_r * phi_rd - c.Gamma_m * phi_sd, c.Gamma_r * phi_rq - c.Gamma_m * phi_sq
         end_d, end_q = s.L_r * end_rd + s.M * end_sd, s.L_r * end_rq + s.M * end_sq
         if voltage is not None:
-            c_h, s_h = small_cos_sin(0.5 * h * v.omega_r)
+            half = 0.5 * h * v.omega_r  # by the pole pairs that the controller knows
+            a[TURNED + j] = max(a[TURNED + j], abs(half))
+            c_h, s_h = small_cos_sin(half)
             next_d, next_q = voltage_model(hat_d, hat_q, i_rd, i_rq, end_rd, end_rq, end_d, end_q, v.v_rd, v.v_rq, c_h, s_h, s)
             end_d, end_q = end_d if by_currents else next_d, end_q if by_currents else next_q
         a[HAT_D + j], a[HAT_Q + j] = end_d, end_q

@@ -3,8 +3,8 @@
     table = simulate_many(DEFAULT_SCENARIO.changed(machine=m) for m in machines)
     table["IAE"], table["peak"], table["diverged"]
 
-Drives with averaged inverters that know their speed exactly go 64 abreast through ``dfim_lanes``, the others one by one
-through ``dfim_loop``; each drive's numbers are those of ``dfim_drive.simulate``, to the last bit.
+Drives that ``dfim_pieces.suits`` go 64 abreast through ``dfim_lanes``, those with controllers of one family together; the
+others, and the odd few, one by one through ``dfim_loop``. Each drive's numbers are those of ``dfim_drive.simulate``, to the last bit.
 """
 
 import os
@@ -17,7 +17,7 @@ import numpy as np
 from drivelib.dfim_drive import SimulationDiverged, initial_state, schedule, simulate
 from drivelib.dfim_lanes import FAMILIES, LANES
 from drivelib.dfim_loop import LIMITS, STATES
-from drivelib.dfim_pieces import FEW, Drive, Piece, run_block
+from drivelib.dfim_pieces import FEW, Drive, Piece, run_block, suits
 from drivelib.dfim_plant import SMALL_ANGLE
 from drivelib.speed_law import PiSpeed
 from drivelib.validation import number
@@ -35,7 +35,7 @@ def simulate_many(scenarios, speeds=None, *, window=None, workers=None):
     ----------
     scenarios : iterable of Scenario
         Any number; taken as they are needed, so a generator costs no memory. For speed, neighbours should have the
-        same number of steps.
+        same kind of controller and nearly the same number of steps.
     speeds : iterable of speed controllers, optional
         One for each scenario, None standing for the PI of its ω_n and ξ; by default that for all.
     window : (float, float), optional
@@ -79,7 +79,7 @@ def block(drives, window=None):
     groups, alone = {}, []
     for k, (scenario, speed) in enumerate(drives):
         law = (PiSpeed(*scenario.speed_gains) if speed is None else speed).law()
-        if scenario.inverter == "averaged" and scenario.substeps == 1 and scenario.encoder is None and law.kind in FAMILIES:
+        if suits(scenario) and law.kind in FAMILIES:
             groups.setdefault(FAMILIES[law.kind], []).append((k, scenario, law))
         else:
             alone.append(k)

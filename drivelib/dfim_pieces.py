@@ -16,15 +16,21 @@ from drivelib.dfim_drive import SimulationDiverged, drive_settings
 from drivelib.dfim_lanes import FAMILIES, KEPT, LANES, ROWS, Laws, run_lanes
 from drivelib.dfim_loop import CHANNELS, LIMITS, STATES, empty_record, run_drive
 from drivelib.dfim_plant import SMALL_ANGLE
-from drivelib.dfim_scenario import Scenario
+from drivelib.dfim_scenario import INVERTERS, Scenario
 from drivelib.encoder import Sensor, sensor
 from drivelib.speed_law import SpeedLaw
+from drivelib.validation import choice
 
-FEW = LANES // 8  # as fast one by one
+FEW = 3  # as fast one by one
 _CHANNELS = [CHANNELS.index(name) for name in KEPT]
 _NUMBERS = slice(0, ROWS.index("omega_ref"))  # states, plant, settings
 _WINDOW = [ROWS.index("first"), ROWS.index("last")]
 _UNHIT = [k for k, name in enumerate(ROWS) if name.startswith(("hit", "failed"))]
+
+
+def suits(scenario):
+    """Return whether drives of this scenario can go abreast: averaged inverters in one step per period, the speed known exactly."""
+    return scenario.inverter == "averaged" and scenario.substeps == 1 and scenario.encoder is None
 
 
 class Drive(NamedTuple):
@@ -37,14 +43,24 @@ class Drive(NamedTuple):
 
     @classmethod
     def of(cls, scenario):
+        """Return a scenario's drive.
+
+        Raises
+        ------
+        ValueError
+            If the scenario is not one that pieces can run (``suits``).
+        """
+        if not suits(scenario):
+            raise ValueError(f"{scenario.name}: pieces run with averaged inverters in one step per period, and without an encoder")
         return cls(scenario, dfim.coefficients(scenario.machine), drive_settings(scenario), sensor(None, 0, scenario.period))
 
 
 class Piece(NamedTuple):
     """What is to be run.
 
-    ``x``: state (16,) in the order of ``dfim_loop.STATES``; not changed. ``profiles``: (changes, values, steps): samples (m + 1,) from
-    which the values (m, 3) act, the last one ``NEVER``: set point (rad/s), load (N m), factor on R_r; and the number of periods.
+    ``law``: of ``dfim_lanes.FAMILIES``. ``x``: state (16,) in the order of ``dfim_loop.STATES``; not changed. ``profiles``: (changes,
+    values, steps): samples (m + 1,) from which the values (m, 3) act, the last one ``NEVER``: set point (rad/s), load
+    (N m), factor on R_r; and the number of periods, one at least.
     """
 
     drive: Drive
@@ -74,11 +90,15 @@ def alone(piece, *, inverter="averaged"):
 
     Raises
     ------
+    ValueError
+        If the inverter is unknown, or the controller needs more than the error (``speed_law.WEIGHTED``): its observer's state is no
+        part of a piece.
     SimulationDiverged
         If the state leaves all bounds.
     """
+    _check([piece])
     (scenario, plant, settings, exact), (changes, values, steps) = piece.drive, piece.profiles
-    if inverter == "switching":
+    if choice("inverter", inverter, INVERTERS) == "switching":
         settings = settings._replace(carrier_frequency=scenario.carrier_frequency)
     x, record, indices = piece.x.copy(), empty_record(steps, 1), np.zeros(4)
     hits = np.full(len(LIMITS), -1, dtype=np.int64)
@@ -96,10 +116,9 @@ def together(pieces):
     Raises
     ------
     ValueError
-        If a controller needs more than the error (``speed_law.WEIGHTED``): its observer's state is no part of a piece.
+        As ``alone``.
     """
-    if any(piece.law.kind not in FAMILIES for piece in pieces):
-        raise ValueError("a PI with set-point weight cannot run in pieces: the state of its observer would be lost between them")
+    _check(pieces)
     parts = [None] * len(pieces)
     for family in sorted(set(FAMILIES.values())):
         order = sorted((k for k in range(len(pieces)) if FAMILIES[pieces[k].law.kind] == family), key=lambda k: -pieces[k].profiles[2])
@@ -109,6 +128,11 @@ def together(pieces):
                 with suppress(SimulationDiverged):
                     parts[k] = alone(pieces[k])
     return parts
+
+
+def _check(pieces):
+    if any(piece.law.kind not in FAMILIES for piece in pieces):
+        raise ValueError("a PI with set-point weight cannot run in pieces: the state of its observer would be lost between them")
 
 
 def _abreast(pieces, block, parts):
@@ -141,15 +165,24 @@ def run_block(pieces, *, windows=None, keep=False):
     rows : dict of str to ndarray, shape (LANES,)
         What ``dfim_lanes.ROWS`` names.
     record : ndarray, shape (n, 4, samples) or (0, 0, 0)
+        Not set beyond each one's end.
     final : ndarray, shape (n, 16)
+
+    Raises
+    ------
+    ValueError
+        If a longer piece comes after a shorter one.
     """
     rows = np.zeros((len(ROWS), LANES))
     rows[_UNHIT] = -1.0
+    rows[ROWS.index("R_factor")] = 1.0  # until a profile begins
     for j, (drive, _, x, (_, _, steps)) in enumerate(pieces):
         rows[_NUMBERS, j] = (*x, *drive.plant, *drive.settings)
         rows[_WINDOW, j] = (0, steps) if windows is None else windows[j]
     profiles = [piece.profiles for piece in pieces]
     ends = np.array([steps for _, _, steps in profiles])
+    if (np.diff(ends) > 0).any():
+        raise ValueError("the longest piece must come first")
     changes = np.concatenate([own for own, _, _ in profiles])
     at = np.cumsum([0, *(len(own) for own, _, _ in profiles[:-1])])
     unused = np.zeros((1, 3))  # no value belongs to the last change, which never comes

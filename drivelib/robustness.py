@@ -26,6 +26,7 @@ from drivelib.validation import number
 REACH, NETWORK, DIVERGED = 1, 2, 4
 FLAGS = {REACH: "point out of reach", NETWORK: "network did not converge", DIVERGED: "drive diverged"}
 CONFIDENCE = 0.95
+AT_ONCE = 100  # draws whose runs are answered together
 LEAF = 0.02  # of the draws: a rule about fewer would describe chance
 RARE = 0.005  # of the draws: what sets so few apart is not said
 WORTH = 0.1  # of the first assumption's share in the tree's gain: a weaker one is not said to decide
@@ -85,15 +86,22 @@ class Row:
 
 
 def one_draw(study, rng):
-    """Return the columns of one draw: the function that an ensemble evaluates."""
+    """Return the columns of one draw."""
     (row,) = some_draws(study, [rng])
     return row
 
 
 def some_draws(study, rngs):
-    """Return the columns of some draws, a row each: the same for a study that answers many draws together."""
-    values = [study.space.draw(rng) for rng in rngs]
-    return [_row(study, *one) for one in zip(values, measured(study, values, rngs), strict=True)]
+    """Return the columns of some draws, a row each; a row does not depend on the others.
+
+    At most AT_ONCE are under way together, so memory does not grow with a shard.
+    """
+    rows = []
+    for start in range(0, len(rngs), AT_ONCE):
+        part = rngs[start : start + AT_ONCE]
+        values = [study.space.draw(rng) for rng in part]
+        rows += [_row(study, *one) for one in zip(values, measured(study, values, part), strict=True)]
+    return rows
 
 
 def measured(study, values, rngs):
@@ -111,14 +119,18 @@ def _in_step(generators, together):
             asked[k] = generators[k].send(answers)
         except StopIteration as end:
             returned[k] = end.value
+        except Exception as error:
+            error.add_note(f"in draw {k} of the {len(generators)} that were worked out together")
+            raise
 
     for k in range(len(generators)):
         go_on(k, None)
     while asked:
         now, asked = asked, {}
-        answers = iter(together([one for wanted in now.values() for one in wanted]))
+        answers = together([one for wanted in now.values() for one in wanted])
         for k, wanted in now.items():
-            go_on(k, [next(answers) for _ in wanted])
+            own, answers = answers[: len(wanted)], answers[len(wanted) :]
+            go_on(k, own)
     return returned
 
 

@@ -2,7 +2,7 @@
 
 Five kinds share one compiled function: PI, fuzzy in position and in incremental form (Zidani, eq. 21–24
 and its prose), a static network as torque and as torque per sample. The fuzzy rule base is
-``drivelib.fuzzy.fuzzy_output``, imported below and nowhere else in the drive. A sixth, the PI with set-point weight
+``drivelib.fuzzy.fuzzy_output``, in this loop and in that of many drives. A sixth, the PI with set-point weight
 and load observer, needs more than the error and has a function of its own.
 """
 

@@ -177,6 +177,14 @@ def test_nothing_is_forked_from_a_process_with_threads(tmp_path):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="kernels are forked on Linux only")
+def test_what_was_imported_before_the_fork_is_left_alone_by_the_collector(tmp_path):
+    (tmp_path / "quiet.py").write_text("value = [[] for _ in range(10_000)]")
+    ask = "import gc; from drivelib.pack import preloaded; print(gc.get_freeze_count() > 10_000)"
+    assert python(ask, tmp_path, "quiet") == ["True"]
+    assert subprocess.run([sys.executable, "-c", ask.replace("> 10_000", "")], capture_output=True, text=True, check=True).stdout.split() == ["0"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="kernels are forked on Linux only")
 def test_nothing_is_forked_where_a_pin_differs_or_the_token_cannot_be_worn(tmp_path):
     (tmp_path / "quiet.py").write_text("value = 1")
     ask = "import os; from drivelib.pack import kernels; print(kernels.can_fork(os.environ), kernels.can_fork({**os.environ, 'PYTHONHASHSEED': '7'}))"

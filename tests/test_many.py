@@ -58,17 +58,21 @@ def test_neither_order_nor_workers_nor_neighbours_matter():
     assert dfim_many.simulate_many(scenarios[20:47]).tobytes() == whole[20:47].tobytes()
 
 
-def test_every_kind_has_the_bits_it_has_alone():
-    """Controllers and flux estimates mixed, and drives that must go alone among them; runs of two lengths."""
-    network = NetworkSpeed(np.array([[0.05]]), np.zeros(1), np.array([40.0]))
-    weighted = WeightedPiSpeed(3.0, 20.0, 0.5, 0.9, 0.2)
-    speeds = [None, PiSpeed(3.0, 20.0), FuzzySpeed(0.1, 2.0, 30.0), network, None, None, weighted, None] * 6
-    voltage = SHORT.changed(flux_estimator="rotor voltage model")
-    other = [SHORT.changed(inverter="switching"), voltage, SHORT, SHORT.changed(encoder=Encoder()), SHORT.changed(duration=0.2), voltage, SHORT, SHORT]
-    scenarios = other[::-1] * 6
-    table = numbers(dfim_many.simulate_many(scenarios, speeds))
-    expected = [alone(s, v) for s, v in zip(scenarios, speeds, strict=True)]
+def test_every_kind_has_the_bits_it_has_alone(monkeypatch):
+    """Families of controllers, flux estimates and lengths mixed in one block, limits hit or not, and four drives that must go alone."""
+    speeds = (None, FuzzySpeed(0.1, 2.0, 30.0), FuzzySpeed(0.1, 2.0, 0.5, "incremental"), NetworkSpeed(np.array([[0.05]]), np.zeros(1), np.array([40.0])))
+    drives = []
+    for k, scenario in enumerate(different(60)):
+        estimator = ("current model", "rotor voltage model")[k // 4 % 2]
+        drives.append((scenario.changed(flux_estimator=estimator, duration=(0.25, 0.3, 0.27)[k % 3]), speeds[k % 4]))
+    drives += [(SHORT.changed(inverter="switching"), None), (SHORT.changed(substeps=2), None), (SHORT.changed(encoder=Encoder()), None)]
+    drives += [(SHORT, WeightedPiSpeed(3.0, 20.0, 0.5, 0.9, 0.2))]
+    counted, original = [], dfim_many._alone
+    monkeypatch.setattr(dfim_many, "_alone", lambda *arguments: [counted.append(arguments), original(*arguments)])
+    table = numbers(dfim_many.simulate_many(*zip(*drives, strict=True), window=(0.05, 0.2), workers=1))
+    expected = [alone(scenario, speed, (0.05, 0.2)) for scenario, speed in drives]
     assert np.array_equal(table, expected, equal_nan=True)
+    assert len(counted) == 4, "all but four must have gone abreast"
 
 
 def test_a_drive_that_diverges_is_flagged_and_harms_no_other():

@@ -3,16 +3,18 @@
 import numpy as np
 import pytest
 
+from drivelib import dfim_pieces
 from drivelib.dfim_drive import SimulationDiverged, initial_state, schedule, simulate
 from drivelib.dfim_loop import NEVER, STATES
 from drivelib.dfim_machines import DFIM_SETS
 from drivelib.dfim_pieces import KEPT, Drive, Piece, alone, together
 from drivelib.dfim_scenario import DEFAULT_SCENARIO, FLUX_ESTIMATORS
+from drivelib.encoder import Encoder
 from drivelib.speed_law import FuzzySpeed, NetworkSpeed, PiSpeed, WeightedPiSpeed
 
 
 def speed(rng, kind, gains):
-    """A controller of each kind that ``speed_law`` knows, networks of one to three inputs and up to 15 neurons."""
+    """A controller of each kind that goes abreast, networks of one to three inputs and up to 15 neurons."""
     if kind == 0:
         return PiSpeed(*gains)
     if kind in (1, 2):
@@ -34,7 +36,7 @@ def pieces(n):
         x = initial_state(scenario)
         x[STATES.index("omega_m")] = rng.uniform(-60, 60)
         steps = int(rng.integers(1, 400))
-        changes = np.array([0, *np.sort(rng.integers(1, 450, size=rng.integers(0, 6))), NEVER])
+        changes = np.array([0 if k % 7 else 1, *np.sort(rng.integers(1, 450, size=rng.integers(0, 6))), NEVER])
         size = len(changes) - 1
         values = np.column_stack([rng.uniform(-60, 60, size), rng.uniform(-20, 20, size), rng.uniform(0.7, 1.5, size)])
         yield Piece(Drive.of(scenario), speed(rng, k % 5, scenario.speed_gains).law(), x, (changes, values, steps))
@@ -53,24 +55,40 @@ def test_pieces_abreast_have_the_bits_that_they_have_alone():
     assert together([]) == [] and same(together(asked[:1])[0], ours[0])
 
 
-def test_a_piece_that_diverges_is_none_and_harms_no_other():
-    asked = list(pieces(40))
-    before = together(asked)
-    bad = asked[3]._replace(x=asked[3].x + 1e6)
+@pytest.fixture
+def repeated(monkeypatch):
+    """The pieces that were run alone since the test began."""
+    seen, original = [], dfim_pieces.alone
+    monkeypatch.setattr(dfim_pieces, "alone", lambda piece: [seen.append(piece), original(piece)][1])
+    return seen
+
+
+def pis(n):
+    return list(pieces(5 * n))[::5]
+
+
+def test_a_piece_that_diverges_is_none_and_harms_no_other(repeated):
+    """By its fluxes, at its only sample, in a group of eight of its own: the frame does not turn, so nothing but the bound can tell."""
+    asked = pis(16)
+    x = np.zeros_like(asked[3].x)
+    x[STATES.index("phi_sd")] = 1e4
+    bad = asked[3]._replace(x=x, profiles=(*asked[3].profiles[:2], 1))
     with pytest.raises(SimulationDiverged):
         alone(bad)
-    after = together([*asked, bad])
+    before, after = together(asked), together([*asked, bad])
+    assert not repeated, "all must have gone abreast"
     assert after[-1] is None and all(same(a, b) for a, b in zip(before, after, strict=False))
 
 
-def test_a_frame_too_fast_for_the_polynomials_is_computed_again():
-    asked = list(pieces(40))
+def test_a_frame_too_fast_for_the_polynomials_is_computed_again(repeated):
+    asked = pis(20)
     fast = asked[0].drive.scenario.changed(period=4e-4)
     x = asked[0].x.copy()
     x[STATES.index("omega_m")] = 800.0
     asked[0] = asked[0]._replace(drive=Drive.of(fast), x=x)
     assert 0.5 * fast.period * 0.5 * fast.machine.p * 800.0 > 0.125
-    assert same(together(asked)[0], alone(asked[0]))
+    part = together(asked)[0]
+    assert repeated == [asked[0]] and same(part, alone(asked[0]))
 
 
 def test_a_piece_is_the_run_that_simulate_makes():
@@ -82,7 +100,17 @@ def test_a_piece_is_the_run_that_simulate_makes():
         assert np.array_equal(part.error, run["omega_ref"] - run["omega_m"])
 
 
-def test_a_controller_with_an_observer_is_refused():
+def test_what_pieces_cannot_run_is_refused():
     (piece,) = pieces(1)
-    with pytest.raises(ValueError, match="cannot run in pieces"):
-        together([piece._replace(law=WeightedPiSpeed(1.0, 1.0).law())])
+    weighted = piece._replace(law=WeightedPiSpeed(1.0, 1.0).law())
+    for run in (alone, lambda one: together([one])):
+        with pytest.raises(ValueError, match="cannot run in pieces"):
+            run(weighted)
+    for change in ({"inverter": "switching"}, {"substeps": 2}, {"encoder": Encoder()}):
+        with pytest.raises(ValueError, match="pieces run with averaged inverters in one step per period, and without an encoder"):
+            Drive.of(DEFAULT_SCENARIO.changed(**change))
+    with pytest.raises(ValueError, match="inverter"):
+        alone(piece, inverter="averaging")
+    short = piece._replace(profiles=(*piece.profiles[:2], 1))
+    with pytest.raises(ValueError, match="the longest piece must come first"):
+        dfim_pieces.run_block([short, piece._replace(profiles=(*piece.profiles[:2], 2))])

@@ -108,6 +108,16 @@ def test_draws_do_not_depend_on_chunks_or_neighbours(study):
     np.testing.assert_array_equal(np.array(last), np.array([whole[name][11] for name in study.columns]))
 
 
+def test_a_draw_that_fails_among_many_is_named():
+    def failing(values, rng):
+        yield []
+        raise ArithmeticError("no sense")
+
+    with pytest.raises(ArithmeticError, match="no sense") as caught:
+        robustness.measured(replace(DFIM, measure=failing), [{}] * 3, [None] * 3)
+    assert caught.value.__notes__ == ["in draw 0 of the 3 that were worked out together"]
+
+
 def test_a_truncated_shard_is_worked_out_again_and_the_others_are_not(tmp_path):
     study = robustness_steady.STUDY
     options = {"executor": ONE, "shard_size": 4, "folder": tmp_path}

@@ -7,7 +7,12 @@ import pytest
 from drivelib.sigmoid import LOGISTIC, TANH, exponential, sigmoid
 
 X = np.concatenate([np.linspace(-40, 40, 401), np.geomspace(1e-300, 700, 300), -np.geomspace(1e-300, 700, 300), [0.0, -0.0]])
-mpmath.mp.dps = 40
+
+
+@pytest.fixture(autouse=True)
+def digits():
+    with mpmath.workdps(40):
+        yield
 
 
 def test_the_exponential_is_exact_to_two_units_in_the_last_place():

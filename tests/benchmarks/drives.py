@@ -79,7 +79,7 @@ def rows(repetitions):
             return Row(what, label, limit=limit, note="no C compiler")
         return Row(what, label, pairs(times[name], times[reference], units), limit=limit, **step)
 
-    def abreast(what, name):
+    def many_at_once(what, name):
         return Row(what, "one by one", pairs(times[f"{name} lanes"], [LANES * t for t in times[name]], steps * LANES), "faster", **step)
 
     return [
@@ -91,8 +91,8 @@ def rows(repetitions):
         Row("with switching PWM", "our averaged loop", pairs(times["pwm"], times["pi"], steps), limit=10, **step),
         against_c("64 drives abreast, per step and drive, preparation included", "lanes", 2, "haswell simd", steps * LANES),
         against_c("the same", "lanes", None, "native simd", steps * LANES),
-        abreast("64 drives abreast with the fuzzy controller", "fuzzy"),
-        abreast("64 drives abreast with a network of 15 neurons", "network"),
+        many_at_once("64 drives abreast with the fuzzy controller", "fuzzy"),
+        many_at_once("64 drives abreast with a network of 15 neurons", "network"),
         *ensemble_rows(repetitions),
     ]
 
