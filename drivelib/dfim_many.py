@@ -116,7 +116,6 @@ def _alone(scenario, speed, window, table, row):
 
 def _abreast(members, window, table):
     """Fill the rows of (row, scenario, law); return those that the fast loop is not valid for."""
-    members = sorted(members, key=lambda member: -member[1].steps)
     pieces = [Piece(Drive.of(scenario), law, initial_state(scenario), (*schedule(scenario), scenario.steps)) for _, scenario, law in members]
     result, _, final = run_block(pieces, windows=[_samples(scenario, window) for _, scenario, _ in members])
     left = []
@@ -125,14 +124,14 @@ def _abreast(members, window, table):
         if not result["turned"][j] <= SMALL_ANGLE:
             left.append(row)
             continue
-        if 0 <= result["failed"][j] <= scenario.steps:
+        if result["failed"][j] >= 0:
             table["diverged"][row] = result["failed"][j] * h
             continue
         values = (*(result[name][j] for name in ("iae", "ise", "itae", "peak")), final[j, STATES.index("omega_m")])
         for name, value in zip(COLUMNS, values, strict=False):
             table[name][row] = value
         for name, lane in zip(HITS, ("hit_T", "hit_v_s", "hit_v_r", "hit_i_s", "hit_i_r"), strict=True):
-            table[name][row] = result[lane][j] * h if 0 <= result[lane][j] < scenario.steps else np.nan
+            table[name][row] = result[lane][j] * h if result[lane][j] >= 0 else np.nan
     return left
 
 

@@ -25,7 +25,7 @@ FEW = 3  # as fast one by one
 _CHANNELS = [CHANNELS.index(name) for name in KEPT]
 _NUMBERS = slice(0, ROWS.index("omega_ref"))  # states, plant, settings
 _WINDOW = [ROWS.index("first"), ROWS.index("last")]
-_UNHIT = [k for k, name in enumerate(ROWS) if name.startswith(("hit", "failed"))]
+_UNHIT = [name for name in ROWS if name.startswith(("hit", "failed"))]
 
 
 def suits(scenario):
@@ -121,6 +121,7 @@ def together(pieces):
     _check(pieces)
     parts = [None] * len(pieces)
     for family in sorted(set(FAMILIES.values())):
+        # By length, for a block takes nearly as long as its longest.
         order = sorted((k for k in range(len(pieces)) if FAMILIES[pieces[k].law.kind] == family), key=lambda k: -pieces[k].profiles[2])
         for block in (order[start : start + LANES] for start in range(0, len(order), LANES)):
             left = _abreast(pieces, block, parts) if len(block) > FEW else block
@@ -137,19 +138,19 @@ def _check(pieces):
 
 def _abreast(pieces, block, parts):
     """Fill the parts of a block; return those that the fast loop is not valid for."""
-    left, (rows, record, final) = [], run_block([pieces[k] for k in block], keep=True)
+    left, (rows, records, final) = [], run_block([pieces[k] for k in block], keep=True)
     for j, k in enumerate(block):
         steps, period = pieces[k].profiles[2], pieces[k].drive.scenario.period
         if not rows["turned"][j] <= SMALL_ANGLE:
             left.append(k)
-        elif not 0 <= rows["failed"][j] <= steps:
+        elif rows["failed"][j] < 0:
             sums = [float(rows[name][j]) for name in ("iae", "ise", "itae")]
-            parts[k] = Part(record[j, :, : steps + 1], metrics.ErrorIndices(*sums, steps * period), final[j])
+            parts[k] = Part(records[j], metrics.ErrorIndices(*sums, steps * period), final[j])
     return left
 
 
 def run_block(pieces, *, windows=None, keep=False):
-    """Run up to 64 pieces, the longest first, through ``dfim_lanes``.
+    """Run up to 64 pieces through ``dfim_lanes``.
 
     Parameters
     ----------
@@ -162,35 +163,34 @@ def run_block(pieces, *, windows=None, keep=False):
 
     Returns
     -------
-    rows : dict of str to ndarray, shape (LANES,)
-        What ``dfim_lanes.ROWS`` names.
-    record : ndarray, shape (n, 4, samples) or (0, 0, 0)
-        Not set beyond each one's end.
+    rows : dict of str to ndarray, shape (n,)
+        What ``dfim_lanes.ROWS`` names; hits and failures after a piece's end are taken out.
+    records : list of ndarray, shape (4, steps + 1)
+        Empty where none is kept.
     final : ndarray, shape (n, 16)
-
-    Raises
-    ------
-    ValueError
-        If a longer piece comes after a shorter one.
     """
+    order = sorted(range(len(pieces)), key=lambda k: -pieces[k].profiles[2])
     rows = np.zeros((len(ROWS), LANES))
-    rows[_UNHIT] = -1.0
+    rows[[ROWS.index(name) for name in _UNHIT]] = -1.0
     rows[ROWS.index("R_factor")] = 1.0  # until a profile begins
-    for j, (drive, _, x, (_, _, steps)) in enumerate(pieces):
+    for j, k in enumerate(order):
+        drive, _, x, (_, _, steps) = pieces[k]
         rows[_NUMBERS, j] = (*x, *drive.plant, *drive.settings)
-        rows[_WINDOW, j] = (0, steps) if windows is None else windows[j]
-    profiles = [piece.profiles for piece in pieces]
+        rows[_WINDOW, j] = (0, steps) if windows is None else windows[k]
+    profiles = [pieces[k].profiles for k in order]
     ends = np.array([steps for _, _, steps in profiles])
-    if (np.diff(ends) > 0).any():
-        raise ValueError("the longest piece must come first")
     changes = np.concatenate([own for own, _, _ in profiles])
     at = np.cumsum([0, *(len(own) for own, _, _ in profiles[:-1])])
     unused = np.zeros((1, 3))  # no value belongs to the last change, which never comes
     values = np.concatenate([part for _, own, _ in profiles for part in (own, unused)])
     record = np.empty((len(pieces), len(KEPT), ends[0] + 1) if keep else (0, 0, 0))
     final = np.empty((len(pieces), len(STATES)))
-    run_lanes(rows.reshape(-1), ends, at, changes, values, _laws([piece.law for piece in pieces]), record, final)
-    return dict(zip(ROWS, rows, strict=True)), record, final
+    run_lanes(rows.reshape(-1), ends, at, changes, values, _laws([pieces[k].law for k in order]), record, final)
+    back = np.argsort(order)
+    found = {name: row[back] for name, row in zip(ROWS, rows, strict=True)}
+    for name in _UNHIT:
+        found[name][found[name] >= ends[back] + (name == "failed")] = -1.0  # a drive fails at the end of a period, at its last sample too
+    return found, [record[j, :, : ends[j] + 1] for j in back] if keep else [], final[back]
 
 
 def _laws(laws):

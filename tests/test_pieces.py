@@ -111,6 +111,3 @@ def test_what_pieces_cannot_run_is_refused():
             Drive.of(DEFAULT_SCENARIO.changed(**change))
     with pytest.raises(ValueError, match="inverter"):
         alone(piece, inverter="averaging")
-    short = piece._replace(profiles=(*piece.profiles[:2], 1))
-    with pytest.raises(ValueError, match="the longest piece must come first"):
-        dfim_pieces.run_block([short, piece._replace(profiles=(*piece.profiles[:2], 2))])
